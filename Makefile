@@ -1,11 +1,14 @@
-# The two commands that matter: `make demo` and `make test`. Both make their own virtual environment in .venv.
+# The commands that matter: `make demo`, `make test` and, after an edit, `make quick`. They make their own virtual environment in .venv.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
+# one file after the other, in the order of tests/conftest.py; xdist's own begins with the files of many tests, which are short
+PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
-.PHONY: demo test docs coverage fuzz lowest wheel clean
+.PHONY: demo test quick docs parts coverage fuzz lowest wheel clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -13,11 +16,19 @@ demo: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
-	$(BIN)/mypy
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest $(PARALLEL)
+
+# what an edit wants, in less than a minute: the laws of the effects, the parsers, and one session through the verbs
+quick: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/pytest $(PARALLEL) -m "not slow" $(QUICK)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python docs/_site/site.py
+
+# the sensors: each driver against its emulated part, a whole calibration of each, and all of them on the simulated board
+parts: $(VENV)/.installed-dev
+	$(BIN)/pytest tests/core/test_parts.py tests/core/test_driver.py tests/device/test_parts.py tests/firmware/test_board_parts.py
 
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/core_coverage.py
@@ -31,7 +42,7 @@ lowest: VENV := .venv-lowest
 lowest:
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python tests/lowest_versions.py pyproject.toml > $(VENV)/lowest.txt
-	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[import,ros,fleet]' pytest hypothesis mypy pandas pyyaml
+	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[page,net,import,ros,fleet]' pytest hypothesis mypy pandas pyyaml
 	$(VENV)/bin/pytest tests/recording tests/error_model tests/noise tests/calibration tests/present tests/test_cli.py tests/test_api.py
 
 # the tutorials, the notebook and the recordings of docs/ in an environment that holds the wheel and nothing of this folder
@@ -39,7 +50,7 @@ wheel: $(VENV)/.installed-dev
 	rm -rf dist .venv-wheel
 	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
 	$(PYTHON) -m venv .venv-wheel
-	.venv-wheel/bin/pip install --quiet -c constraints.txt dist/gyrocal-*.whl
+	.venv-wheel/bin/pip install --quiet -c constraints.txt "$$(echo dist/gyrocal-*.whl)[page,net]"
 	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
 
 $(VENV)/bin/python:
@@ -47,7 +58,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(PIP) install --quiet -c constraints.txt -e .
+	$(PIP) install --quiet -c constraints.txt -e '.[page,net]'
 	touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python

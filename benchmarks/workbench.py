@@ -38,7 +38,7 @@ FIRST_PAGE_S, FIRST_PLOT_S, INTERACTION_S, NEWEST_S, FRAMES_HZ = 2.0, 3.0, 0.2, 
 AIM_ROWS = 240_000
 ARGUMENTS = [
     "--no-sandbox", "--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
+    "--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]  # fmt: skip
 CHART = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
 

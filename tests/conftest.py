@@ -3,9 +3,19 @@
 import importlib.util
 import os
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+
+from watched import Watched
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with a slow test begin first, so that at the end no worker waits for one of them."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session")
@@ -34,6 +44,26 @@ def require_module() -> Callable[[str], None]:
             pytest.skip(f"package {name} is not installed: pip install 'gyrocal[train]'")
 
     return require
+
+
+@pytest.fixture
+def watched(tmp_path: Path, require_tool: Callable[[str], str]) -> Watched:
+    """A user with an empty home, whose commands run under strace."""
+    strace = require_tool("strace")
+    if subprocess.run([strace, "-o", os.devnull, "true"], stderr=subprocess.DEVNULL).returncode != 0:
+        if os.environ.get("GYROCAL_REQUIRE") == "all":
+            pytest.fail("strace may not trace here, and GYROCAL_REQUIRE=all")
+        pytest.skip("strace may not trace here")
+    return Watched(tmp_path)
+
+
+@pytest.fixture(scope="module", name="known_answers")
+def _known_answers() -> Iterator[None]:
+    """What the tests of one file ask of the same session and the same model is computed once."""
+    from known import known_answers
+
+    with known_answers():
+        yield
 
 
 @pytest.fixture

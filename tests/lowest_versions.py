@@ -4,7 +4,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-EXTRAS = ("import", "ros", "fleet")
+EXTRAS = ("page", "net", "import", "ros", "fleet")
 
 
 def constraints(pyproject: str) -> list[str]:

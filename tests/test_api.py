@@ -19,11 +19,13 @@ from gyrocal.api import (
     Model,
     Session,
     add,
+    allan,
     apply,
     calibrate,
     compare,
     diagnose,
     explain,
+    export,
     import_recording,
     plan,
     simulate,
@@ -242,3 +244,40 @@ def test_an_error_names_the_argument(says: str, session: Session, tmp_path: Path
     with pytest.raises(InputError) as error:
         WRONG[says](tmp_path / "s")
     assert says in str(error.value)
+
+
+def test_allan_deviation_of_a_session_is_allantools(session: Session, require_module: Callable[[str], None]) -> None:
+    require_module("allantools")
+    import allantools
+
+    one = session.with_runs(session.runs[:1])
+    taus_s, ours = allan(one, "z", [0.1, 0.5, 2.0])
+    readings = one.runs[0].gyro_dps[:, 2]
+    _, theirs, _, _ = allantools.oadev(readings, rate=session.sample_rate_hz, data_type="freq", taus=taus_s)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10)
+    assert taus_s == pytest.approx([0.1, 0.5, 2.0], abs=0.501 / session.sample_rate_hz)
+    assert len(allan(session)[0]) > 10
+    with pytest.raises(InputError, match=r"taus_s 30: it cannot be shown; give times from 0\.0069 to 2\.6"):
+        allan(session, "z", [30.0])
+    with pytest.raises(InputError, match="axis is 'w', not x, y or z"):
+        allan(session, "w")
+
+
+def test_a_model_is_exported(results: dict[str, Any], tmp_path: Path) -> None:
+    written = results["Model"].export(tmp_path / "new" / "folder", "json")
+    assert written.file == tmp_path / "new" / "folder" / "model.json"
+    assert written.file.is_file()
+    assert "noise" not in written.left
+    assert results["Model"].export(tmp_path).file.name == "calibration.h"
+    with pytest.raises(InputError, match=r"^form kalibr needs rate_hz"):
+        export(results["Model"], tmp_path, "kalibr")
+    with pytest.raises(InputError, match=r"^form jsn: there are header, ardupilot"):
+        results["Model"].export(tmp_path, "jsn")
+    with pytest.raises(InputError, match="axis is 'w'"):
+        results["Model"].export(tmp_path, axis="w")
+
+
+def test_what_results_hold_shows_itself_in_a_line(results: dict[str, Any]) -> None:
+    shown = [results["Session"].runs[0], results["Diagnosis"].best, next(iter(results["Calibration"]))]
+    assert [repr(one).split(":")[0] for one in shown] == ["<Run", "<Candidate", "<Estimate"]
+    assert max(len(repr(one)) for one in shown) < 120

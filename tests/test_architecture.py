@@ -13,11 +13,11 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "units", "parameter", "threads", "tails", "warning", "files", "policy", "shown",
+    "__init__", "errors", "units", "parameter", "extras", "threads", "tails", "warning", "files", "policy", "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
-    "plausibility", "diagnosis", "planning", "calibration", "gravity", "fleet",
+    "plausibility", "evidence", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",
-    "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
+    "calls", "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
 ]  # fmt: skip
 DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
 """A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""
@@ -123,6 +123,40 @@ def test_torch_and_onnx_live_in_model_export_alone() -> None:
     for path in [*python_files(HOST), *python_files(FIRMWARE)]:
         for name in imports(path):
             assert name.split(".")[0] not in ("torch", "onnx", "onnxscript"), f"{path} imports {name}"
+
+
+IMPORTED = re.compile(
+    r"""(?m)(?:^\s*|[;"'])(?:import\s+onnxruntime\b|from\s+onnxruntime[.\w]*\s+import)"""
+    r"""|(?:import_module|__import__|importorskip)\(\W*onnxruntime\b"""
+)
+"""A line that imports onnxruntime, also in a text that is run as a program, or its name handed to what imports it."""
+
+
+def imports_onnxruntime(path: Path) -> bool:
+    text = path.read_text(encoding="utf-8")
+    in_code = path.suffix == ".py" and any(name.split(".")[0] == "onnxruntime" for name in imports(path))
+    return in_code or IMPORTED.search(text) is not None
+
+
+def test_one_file_imports_onnxruntime() -> None:
+    """It turns the telemetry off before the import; after one import elsewhere, nobody could any more."""
+    folders = ("host", "model_export", "firmware", "tests", "benchmarks", "docs")
+    texts = [path for folder in folders for kind in ("py", "md", "ipynb") for path in (ROOT / folder).rglob(f"*.{kind}")]
+    assert {path for path in [*texts, *ROOT.glob("*.md")] if imports_onnxruntime(path)} == {HOST / "calibration" / "runtime.py"}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import {0}\n", "import {0} as ort\n", "def f():\n    import numpy, {0}.capi\n", "from {0} import InferenceSession\n",
+        "from importlib import import_module\nimport_module('{0}')\n", "import pytest\npytest.importorskip(\"{0}\")\n",
+        "run([sys.executable, '-c', 'import {0}'])\n",
+    ],
+)  # fmt: skip
+def test_no_import_of_onnxruntime_escapes(source: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.py"
+    path.write_text(source.format("onnxruntime"))
+    assert imports_onnxruntime(path)
 
 
 def test_host_never_imports_model_export() -> None:

@@ -11,6 +11,7 @@ import pytest
 from gyrocal import benchmark
 from gyrocal.errors import InputError
 
+pytestmark = pytest.mark.slow
 METHODS = ["baseline", "prior", "shrunk", "model", "paper", "gyrocal", "limit"]
 
 
@@ -151,7 +152,7 @@ def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], mo
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, references, blind"
+    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, references, edge, blind"
     with pytest.raises(InputError, match=f"there are {there}"):
         benchmark.benchmark("nothing")
 

@@ -8,6 +8,7 @@ import pytest
 from gyrocal.cli import command_modules, main
 
 SIM = ["simulate", "--scenarios", "3", "--seconds", "8", "--seed", "2", "--effect", "table_ripple:amplitude_1=0.003"]
+pytestmark = pytest.mark.usefixtures("known_answers")
 COMPARE = {"model", "rms_dps", "floor_dps", "excess_dps", "per_axis", "verdict", "where"}
 
 

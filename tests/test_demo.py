@@ -14,6 +14,8 @@ from gyrocal.cli import main
 from gyrocal.demo import Answers, Story, errors
 from gyrocal.present.output import stdout
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def told_twice(tmp_path_factory: pytest.TempPathFactory, require_tool: Callable[[str], str]) -> tuple[dict, Path, Story]:

@@ -13,6 +13,7 @@ from types import ModuleType
 
 import pytest
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
 PYTHON = os.environ.get("GYROCAL_PYTHON") or sys.executable
 """The Python of another environment, in which tutorials and notebook then run: ``make wheel`` names it."""

@@ -42,7 +42,7 @@ HINTS = {
     "compare s --model mine.toml": "`gyrocal explain` and `gyrocal add` make one",
     "compare s --model tuned": "`gyrocal explain` makes a file",
     "add ripple s --model out.toml": "did you mean table_ripple?",
-    "add s table_ripple --model out.toml": "no effect 's'",
+    "add s tabel_ripple --model out.toml": "did you mean table_ripple?",
     "add table_ripple s": "Missing option '--model'",
     "add table_ripple s --model default": "give the name of a file to write",
     "simulate new --effect drift:k=1": "it has k_dps_per_s",

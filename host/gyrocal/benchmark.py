@@ -13,7 +13,9 @@ from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field", "references")
+FROM_A_FOLDER = (
+    "paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field", "references", "edge",
+)  # fmt: skip
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
@@ -21,6 +23,7 @@ BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
 PARTS = {
     "blind": {"cases_of", "kinds", "limit", "skip", "workers", "scheduler", "results"}, "soak": {"hours", "seed"},
     "field": {"kinds", "limit", "workers", "results", "seed"}, "references": {"kinds", "limit", "results", "seed"},
+    "edge": {"part", "kinds", "start", "stop", "workers", "out", "against"},
     "fleet": {"limit", "workers", "scheduler", "results"}, "population": {"workers", "scheduler", "results"},
 }  # fmt: skip
 
@@ -79,7 +82,7 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
             f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers, --scheduler and "
             "--results with blind, --limit, --workers, --scheduler and --results with fleet, the last three with population, "
             "--kind, --limit, --workers, --results and --seed with field (references: not --workers), --hours and --seed "
-            "with soak"
+            "with soak, --part, --kind, --start, --stop, --workers, --out and --against with edge"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

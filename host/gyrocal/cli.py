@@ -23,6 +23,8 @@ from gyrocal.errors import GyrocalError, did_you_mean
 PACKAGE = "gyrocal.commands"
 INTERRUPTED = 130
 """The exit code of the argument parser after Ctrl-C."""
+ALIASES = {"correct": "apply", "fit": "calibrate", "gui": "workbench"}
+"""Other names that people type for a verb."""
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -59,6 +61,7 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of this name, whose module is imported now, or None."""
         modules = command_modules()
+        cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in modules:
             return None
         run = importlib.import_module(modules[cmd_name]).run
@@ -71,7 +74,7 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the words name. An unknown name fails with the nearest one."""
         modules = command_modules()
-        if args[0] not in modules:
+        if args[0] not in modules and args[0] not in ALIASES:
             near = did_you_mean(args[0], [*modules, "--help"])
             ctx.fail(f"no command {args[0]!r}{near}; there are {', '.join(modules)}.")
         found = super().resolve_command(ctx, args)
@@ -82,6 +85,7 @@ class LazyGroup(TyperGroup):
         """Write the list of commands to the help."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, about(module)) for name, module in command_modules().items()])
+        formatter.write_text("Also: " + ", ".join(f"{alias} for {verb}" for alias, verb in ALIASES.items()) + ".")
 
 
 app = typer.Typer(
@@ -152,7 +156,7 @@ def _interrupted(error: BaseException) -> bool:
 
 def _verb(arguments: list[str]) -> str:
     """The command of the arguments, followed by a blank; empty if there is no command of that name."""
-    return f"{arguments[0]} " if arguments and arguments[0] in command_modules() else ""
+    return f"{arguments[0]} " if arguments and arguments[0] in {*command_modules(), *ALIASES} else ""
 
 
 def _discard_output() -> None:

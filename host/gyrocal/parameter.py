@@ -65,6 +65,9 @@ class Described(ABC):
     measure_next: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.equation}>"
+
     def parameter(self, name: str) -> Parameter:
         """The parameter of this name. Raises InputError, which lists the known names, if there is none."""
         for parameter in self.parameters:

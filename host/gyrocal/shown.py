@@ -1,4 +1,7 @@
-"""The display of results in Python and in a notebook. ``gyrocal.present.notebook`` defines it for each kind of result."""
+"""The display of results in Python and in a notebook. ``gyrocal.present.notebook`` defines it for each kind of result.
+
+What models and results can do by the layers above them is given here by ``gyrocal.api``.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +25,41 @@ class View:
 
 
 VIEWS: dict[type, View] = {}
-"""The display by class of result; filled when ``gyrocal.api`` is imported."""
+"""The display by class of result; filled when a result is first shown after an import of ``gyrocal.api``."""
 HTML_ROWS = 20
+
+
+_fill: Callable[[], object] | None = None
+
+
+def views_from(fill: Callable[[], object]) -> None:
+    """Have :data:`VIEWS` filled by a function when a result is first shown."""
+    global _fill
+    _fill = fill
+
+
+_export: Callable[..., Any] | None = None
+
+
+def exports_by(export: Callable[..., Any]) -> None:
+    """Have models exported by a function of a layer above them."""
+    global _export
+    _export = export
+
+
+def exporter() -> Callable[..., Any]:
+    """The function of :func:`exports_by`."""
+    if _export is None:
+        raise RuntimeError("import gyrocal.api first: it says how a model is exported")
+    return _export
 
 
 class Shown:
     """A result with ``summary()``, ``to_dataframe()`` (polars) and ``plot()`` (matplotlib)."""
 
     def _view(self) -> View | None:
+        if _fill is not None and not VIEWS:
+            _fill()
         return next((VIEWS[kind] for kind in type(self).__mro__ if kind in VIEWS), None)
 
     def _known_view(self) -> View:

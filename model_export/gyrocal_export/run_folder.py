@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 import platform
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +19,9 @@ import torch
 from gyrocal import __version__
 from gyrocal.errors import InputError
 from gyrocal_export.files import write_json
+
+# PyTorch's optimisers and its export make this folder, for compiled code that nothing here has, and leave it behind
+os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", tempfile.gettempdir())
 
 Report = Callable[[int, float, float], None]
 """A function that is called after each epoch with its number, training loss and validation loss."""

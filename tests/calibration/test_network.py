@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.network import Network
+from gyrocal.calibration.runtime import onnxruntime
 from gyrocal.errors import InputError
 from gyrocal.simulation.simulate import paper_windows
 
@@ -15,10 +16,8 @@ SHIPPED = Path(str(files("gyrocal"))) / "data"
 
 
 def test_the_contract_of_the_graph() -> None:
-    import onnxruntime
-
     for name in ("paper.onnx", "paper.int8.onnx"):
-        session = onnxruntime.InferenceSession(SHIPPED / name)
+        session = onnxruntime().InferenceSession(SHIPPED / name)
         assert [(i.name, i.type, i.shape) for i in session.get_inputs()] == [
             (face, "tensor(float)", ["N", 1, 2, 290]) for face in ("up", "down")
         ]

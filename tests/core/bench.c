@@ -138,10 +138,11 @@ static void led(void *context, gc_led_t state) {
 }
 
 /* INT1 is high while the chip has data and was told to say so. */
-static void wait_ready_us(void *context, uint64_t deadline_us) {
+static uint64_t wait_ready_us(void *context, uint64_t deadline_us) {
     while (now < deadline_us && !emul_lsm6dso_int1(&chip)) {
         wait_until_us(context, now + 1);
     }
+    return 0;
 }
 
 static gc_port_t port = {

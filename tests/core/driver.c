@@ -13,6 +13,8 @@ static emul_lsm6dso_t chip;
 static int short_by;
 static int fail_in; /* this transfer from now is cut short by half */
 static int refuse_writes_to = -1;
+static uint8_t written[64][2]; /* the first registers and values since they were counted anew */
+static size_t n_written;
 static int failures;
 
 #define CHECK(condition)                                       \
@@ -29,6 +31,10 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
         return -1;
     }
     now += 100;
+    if (n_written < sizeof written / sizeof written[0]) {
+        written[n_written][0] = reg;
+        written[n_written++][1] = data[0];
+    }
     return reg == refuse_writes_to ? 0 : emul_lsm6dso_write(&chip, now, reg, data, n);
 }
 
@@ -52,7 +58,16 @@ static void wait_until_us(void *context, uint64_t t_us) {
     now = t_us > now ? t_us : now;
 }
 
-static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us};
+static uint64_t wait_ready_us(void *context, uint64_t deadline_us) {
+    wait_until_us(context, deadline_us);
+    return 0;
+}
+
+/* INT1 is wired. */
+static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
+                               .wait_ready_us = wait_ready_us};
+static const gc_port_t port_without_int1 = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us,
+                                            .wait_until_us = wait_until_us};
 
 static const int16_t pattern[EMUL_WORDS] = {-256, 0x1234, -0x1234, 28571, 16393, -16393, 255};
 
@@ -79,6 +94,36 @@ static void check_registers_and_words(void) {
     CHECK(gc_sensor_ready(&imu) == 0);
     now += 3000;
     CHECK(gc_sensor_ready(&imu) == 1);
+}
+
+/* A board that restarts finds the part as the program before left it. */
+static void check_start_up(void) {
+    gc_sensor_t imu;
+    const uint8_t high = 0x03, reset = 0x05, bank = 0x80;
+
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+    emul_lsm6dso_write(&chip, now, 0x0D, &high, 1);
+    now += 3000;
+    emul_lsm6dso_advance(&chip, now);
+    CHECK(emul_lsm6dso_int1(&chip));
+    n_written = 0;
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+    const uint8_t order[][2] = {{0x01, 0}, {0x0D, 0}, {0x18, 0xE2}, {0x12, 0x05}, {0x18, 0xE2}, {0x0D, 0x02}};
+    CHECK(n_written >= sizeof order / sizeof order[0] && memcmp(written, order, sizeof order) == 0);
+
+    now += 3000;
+    emul_lsm6dso_advance(&chip, now);
+    CHECK(emul_lsm6dso_int1(&chip));
+    emul_lsm6dso_write(&chip, now, 0x12, &reset, 1); /* as a driver that does not release the pin */
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_BUS_NACK);
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+
+    emul_lsm6dso_write(&chip, now, 0x01, &bank, 1);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port_without_int1, GC_LSM6DSO_ADDRESS, 104.0, 250.0) == GC_OK);
+    CHECK(chip.reg[0x0D] == 0);
+    CHECK(gc_sensor_fifo_begin(&imu, 4) == GC_OK && chip.reg[0x0D] == 0);
 }
 
 static void check_ranges(void) {
@@ -337,8 +382,40 @@ static void check_fifo_losses(void) {
     chip.fed_only = false;
 }
 
+/* Another device holds the bus for a while before each transfer. */
+static uint64_t had_bus_us;
+
+static int bus_read_later(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    now += 400;
+    had_bus_us = now;
+    return bus_read(context, address, reg, data, n);
+}
+
+static uint64_t bus_us(void *context) {
+    (void)context;
+    return had_bus_us;
+}
+
+static void check_bus_that_is_taken(void) {
+    gc_port_t shared = port_without_int1;
+    gc_sensor_t imu;
+    gc_sample_t s;
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+    imu.port = &shared;
+    now += 3000;
+    uint64_t before = now;
+    CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh && imu.looked_us == before);
+    shared.bus_read = bus_read_later;
+    shared.bus_us = bus_us;
+    now += 3000;
+    before = now;
+    CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh && imu.looked_us == before + 400u);
+}
+
 int main(void) {
+    check_bus_that_is_taken();
     check_registers_and_words();
+    check_start_up();
     check_ranges();
     check_tearing();
     check_faults();

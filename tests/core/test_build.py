@@ -66,12 +66,21 @@ def test_an_effect_is_one_file_that_no_list_names() -> None:
         assert not others, f"{effect.stem} is named in {others}"
 
 
-def test_the_core_names_no_part_outside_its_driver() -> None:
+DRIVERS = {"gc_lsm6dso": "lsm6ds", "gc_mpu6050": "mpu6050", "gc_icm42688": "icm42688"}
+
+
+def test_the_core_names_no_part_outside_its_driver_and_the_list_of_parts() -> None:
     for path in (*SOURCES, *HEADERS):
-        if path.stem != "gc_lsm6dso":
-            assert "lsm6dso" not in path.read_text().lower(), path.name
+        for stem, family in DRIVERS.items():
+            named = family in path.read_text().lower()
+            assert named == (path.stem == stem or path.name == "gc_parts.c"), path.name
 
 
-def test_the_port_and_the_simulator_name_the_part_in_one_place_each() -> None:
-    naming = [p.name for folder in (SRC, SIM, INCLUDE) for p in sorted(folder.iterdir()) if "lsm6dso" in p.read_text().lower()]
-    assert naming == ["emul.h", "emul_lsm6dso.c", "emul_lsm6dso.h", "part.h"]
+def test_the_port_names_no_part_and_the_simulator_names_them_in_one_place() -> None:
+    naming = {
+        family: [p.name for folder in (SRC, SIM, INCLUDE) for p in sorted(folder.iterdir()) if family in p.read_text().lower()]
+        for family in DRIVERS.values()
+    }
+    assert naming["lsm6ds"] == ["emul.c", "emul.h", "emul_lsm6dso.c", "emul_lsm6dso.h", "emul_world.h", "options.h", "rows.h"]
+    for family in ("mpu6050", "icm42688"):
+        assert naming[family] == ["emul.c", "emul.h", f"emul_{family}.c", f"emul_{family}.h"]

@@ -100,6 +100,15 @@ def test_the_numbers_are_those_of_apply(build: Build, tmp_path: Path) -> None:
     assert got[:, 1:] == pytest.approx(of_python(model, readings(), x=0.9, y=0.1, z=-0.4), abs=LEAST)
 
 
+def test_the_numbers_are_those_of_the_corrector(build: Build, tmp_path: Path) -> None:
+    """Sample by sample, in C and in Python."""
+    model = model_of(PLANTED)
+    got = corrected_in_c(build, tmp_path, model, readings(), "own bias")
+    corrector = model.corrector({"x": 0.9, "y": 0.1, "z": -0.4})
+    samples = [corrector(*row) for row in zip(readings(), TEMP_C, POWER_ON_S + T_S, ACC_G, strict=True)]
+    assert got[:, 1:] == pytest.approx(np.array(samples), abs=LEAST)
+
+
 def test_without_a_thermometer_its_effects_are_left(build: Build, tmp_path: Path) -> None:
     model = model_of(PLANTED)
     got = corrected_in_c(build, tmp_path, model, readings(), temp=True)

@@ -10,7 +10,7 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.device import simulated as device
-from gyrocal.device.monitor import Event, Monitor
+from gyrocal.device.monitor import Event, Monitor, Sensor
 from gyrocal.device.port import Link
 from gyrocal.device.wire import encode
 from gyrocal.recording.session import Session
@@ -44,6 +44,21 @@ def test_a_replay_misses_what_its_runs_lack_and_no_more(session: Session, capsys
         missed = [e["missed"] for e in events if e["event"] == "state"]
         assert missed
         assert set(missed) <= {0, 4, 8}
+
+
+@pytest.mark.parametrize("speed", [1.0, 4.0])
+def test_the_rate_is_that_of_the_device_however_fast_it_plays(monkeypatch: pytest.MonkeyPatch, speed: float) -> None:
+    """A device of 145 Hz that played four times faster had "580 samples a second"."""
+    sensor, now = Sensor(), [0.0]
+    monkeypatch.setattr("gyrocal.device.monitor.time.monotonic", lambda: now[0])
+    for first in range(0, 1450, 10):
+        sensor.take([{"t_us": round(1e6 * n / 145), "n": n} for n in range(first, first + 10)])
+        now[0] = (first + 10) / 145 / speed
+    assert sensor.rate_hz() == pytest.approx(145.0, rel=0.01)
+    sensor.take([{"t_us": 100, "n": 0}])  # it has started again
+    assert sensor.rate_hz() == 0.0
+    now[0] += 10.0
+    assert sensor.rate_hz() == 0.0
 
 
 def test_it_ends_with_its_time(session: Session, capsys: pytest.CaptureFixture[str]) -> None:

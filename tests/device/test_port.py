@@ -63,6 +63,39 @@ def test_permission_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         open_port("/dev/ttyUSB0")
 
 
+def test_closing_lets_go_of_rts_before_dtr(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the other order a board's reset line is pulled between the two."""
+    import serial
+
+    done: list[str] = []
+
+    class Board:
+        def __setattr__(self, name: str, value: bool) -> None:
+            done.append(f"{name} {value}")
+
+        def close(self) -> None:
+            done.append("close")
+
+    monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: Board())
+    open_port("COM3").close()
+    assert done == ["rts False", "dtr False", "close"]
+
+
+def test_a_port_of_another_speed_is_told_by_what_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Noise:
+        def read(self) -> bytes:
+            return b"\x80\xf8" * 8
+
+        def write(self, data: bytes) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+    with Link("COM3", opener=lambda *_: Noise()) as link, pytest.raises(DeviceError, match=r"[1-9]\d* bytes that are no text"):
+        link.greet(timeout_s=0.05)
+
+
 def test_hello_and_commands() -> None:
     with FakeDevice() as fake, Link(fake.port) as link:
         assert link.greet().fields["fw"] == "fake"

@@ -55,7 +55,30 @@ def test_shared_vectors_are_refused_in_one_line(vector: dict) -> None:
         wire.decode(vector["line"].encode())
     assert str(error.value).strip()
     assert "\n" not in str(error.value)
-    assert wire.Reader().feed(vector["line"].encode() + b"\n") == []
+    _, dollar, rest = vector["line"].rpartition("$")
+    read = [wire.decode((dollar + rest).encode())] if vector["line"].startswith(" $") else []  # what follows noise is whole
+    assert wire.Reader().feed(vector["line"].encode() + b"\n") == read
+
+
+def test_the_first_sentence_after_a_reset_is_read_behind_the_boots_noise() -> None:
+    """The log of an ESP32's ROM comes at another speed, without a newline."""
+    noise = bytes(range(0x80, 0x100)) * 3
+    hello, state = wire.encode("HEL", 0, 0, 0, {"proto": 1}), wire.encode("STA", 1, 0, 0, {"n": 0})
+    for size in (1, 7, 320, 4096):
+        for before in (noise, noise[:100], b" ", noise + b"$" + noise, b"$" + noise[:100]):
+            stream = before + hello + state
+            reader = wire.Reader()
+            read = [s for k in range(0, len(stream), size) for s in reader.feed(stream[k : k + size])]
+            assert [s.tag for s in read] == ["HEL", "STA"]
+            assert (reader.good, reader.lost, reader.overlong) == (2, 0, 0)
+            assert (reader.skipped, reader.bad) == ((0, 1) if before.startswith(b"$") else (len(before), 0))
+
+
+def test_a_sentence_is_read_behind_one_that_lost_its_end() -> None:
+    reader = wire.Reader()
+    stream = raw(0, 0, COUNTS)[:-9] + raw(1, 1, COUNTS) + b"# a log" + raw(2, 2, COUNTS) + b">gx:1" + raw(3, 3, COUNTS)
+    assert [s.seq for s in reader.feed(stream)] == [1, 2, 3]
+    assert (reader.bad, reader.skipped, list(reader.logs)) == (1, 0, ["a log"])
 
 
 def test_numbers_are_written_as_c_writes_them() -> None:
@@ -113,20 +136,22 @@ def test_damaged_overlong_and_other_lines_are_told_apart() -> None:
     ]
     assert [s.seq for s in reader.feed(b"".join(stream))] == [0, 2]
     assert (reader.good, reader.bad, reader.overlong, reader.lost) == (2, 1, 1, 1)
+    assert reader.skipped == len(b"ets Jun  8 2016 00:22:57\r")
     assert list(reader.logs) == ["a log"]
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 64, 319, 320, 321, 4096])
 def test_how_the_stream_is_cut_does_not_matter(size: int) -> None:
-    stream = b"".join(raw(seq, seq, COUNTS) for seq in range(50)) + b"y" * 900 + b"\n" + raw(51, 51, COUNTS)
+    stream = b"".join(raw(seq, seq, COUNTS) for seq in range(50)) + b"$" + b"y" * 900 + b"\n" + raw(51, 51, COUNTS)
+    stream += b"y" * 900 + b"\n" + b"#" + b"y" * 250 + raw(52, 52, COUNTS) + b"y" * 900 + raw(53, 53, COUNTS)
     whole, cut = wire.Reader(), wire.Reader()
     expected = whole.feed(stream)
     pieces = [s for k in range(0, len(stream), size) for s in cut.feed(stream[k : k + size])]
     assert pieces == expected
     assert (
-        (cut.good, cut.lost, cut.bad, cut.overlong)
-        == (whole.good, whole.lost, whole.bad, whole.overlong)
-        == (51, 1, 0, 1)
+        (cut.good, cut.lost, cut.bad, cut.overlong, cut.skipped)
+        == (whole.good, whole.lost, whole.bad, whole.overlong, whole.skipped)
+        == (53, 1, 0, 1, 1800)
     )
 
 

@@ -6,10 +6,14 @@ import pytest
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
 from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import add_measured
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Session:
@@ -47,13 +51,13 @@ def test_two_effects_are_found_one_by_one() -> None:
             break
         assert found.best is not None
         named.append(found.best.effect.id)
-        model = add(session, model, named[-1])[2]
+        model = add_measured(session, model, named[-1]).model
     assert sorted(named) == ["spin_up", "table_ripple"]
     assert found.verdict == "adequate"
 
 
 def test_a_wrong_effect_does_not_make_the_error_fall() -> None:
-    before, after, _ = add(session_with(["table_ripple"]), None, "spin_up")
+    before, after, _ = add_measured(session_with(["table_ripple"]), None, "spin_up")
     assert after.pooled.excess_dps > 0.95 * before.pooled.excess_dps
 
 
@@ -81,8 +85,16 @@ def test_json_has_the_contract_s_keys() -> None:
     assert set(told["candidates"][0]["parameters"]["amplitude_1"]) == {"value", "se", "unit"}
 
 
+@pytest.mark.parametrize(("effect", "axes"), [("table_ripple", "z"), ("colored_noise", "x, y, z"), ("scale", "x, y, z")])
+def test_an_effect_that_the_model_has_already_is_not_added_again(effect: str, axes: str) -> None:
+    """It said that the session lacks what the axes without the effect would need, or nothing at all, and exit code 0."""
+    model = Model.builtin("default").add("table_ripple", "z")
+    with pytest.raises(InputError, match=f"{effect}: the model has it already, on {axes}; `gyrocal diagnose` with this model"):
+        add(session_with([]), model, effect)
+
+
 def test_a_model_survives_its_file(tmp_path) -> None:
-    _, _, model = add(session_with(["table_ripple"]), None, "table_ripple")
+    _, _, model = add_measured(session_with(["table_ripple"]), None, "table_ripple")
     model.save(tmp_path / "m.toml")
     again = Model.open(tmp_path / "m.toml")
     assert again.ids == model.ids

@@ -19,6 +19,8 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+
 
 def session_with(effects: list[str], campaign: str = "paper", seed: int = 3, scenarios: int = 6) -> Session:
     return simulate(None, campaign, effects, seed, scenarios=scenarios, seconds=25.0)[0]
@@ -150,20 +152,19 @@ def test_an_effect_that_absorbed_a_part_of_a_later_one_is_taken_out_again(two_ef
     assert dropped == {("z", "warmup")}
 
 
-def test_the_command_writes_model_page_and_json(
-    two_effects: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_model_page_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, model, page = tmp_path / "s", tmp_path / "m.toml", tmp_path / "e.html"
-    two_effects.save(folder)
+    session_with(["table_ripple"], scenarios=4).save(folder)
     assert main(["explain", str(folder), "--model", str(model), "--html", str(page), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told) >= {"steps", "left", "verdict", "model", "parameters", "unknown", "warnings"}
+    assert [s["effects"] for s in told["steps"]] == [["table_ripple"]]
     assert all(set(s) >= {"effects", "axes", "excess_before_dps", "excess_after_dps", "matters"} for s in told["steps"])
     text = page.read_text(encoding="utf-8")
     assert text.count("<img") >= 2
     assert "http" not in text.replace("http-equiv", "")
     assert main(["explain", str(folder), "--model", str(model)]) == 0
-    assert "Nothing is missing" in capsys.readouterr().out
+    assert "Nothing found of " in capsys.readouterr().out
 
 
 def test_words_of_an_explanation(explained: Explanation, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

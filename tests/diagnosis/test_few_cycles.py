@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.recording.session import Session
+from known import add_measured
 from make_runs import make_run, make_session
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 RATE_HZ, WHITE_DPS, TURN_ON_DPS = 52.0, 0.04, 0.02
 Extra = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -63,7 +64,7 @@ def test_an_effect_that_many_cycles_show_is_found_and_has_no_more_orders_than_th
     best = found.candidates[0]
     assert set(best.values) == {"k1_dps_per_c"}
     assert abs(best.values["k1_dps_per_c"] - 0.02) < 4 * best.se["k1_dps_per_c"]
-    before, after, _ = add(session, None, "bias_temperature")
+    before, after, _ = add_measured(session, None, "bias_temperature")
     assert after.per_axis["z"].excess_dps < 0.3 * before.per_axis["z"].excess_dps
 
 

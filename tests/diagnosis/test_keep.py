@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.keep import keep, propose, select
 from gyrocal.effects import base
@@ -20,8 +19,10 @@ from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
 from gyrocal.variables.base import variables
 from gyrocal.variables.terms import hinges
+from known import add_measured
 from make_runs import make_run, make_session
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 Array = NDArray[np.float64]
 RATES_DPS = (0.0, 40.0, -60.0, 90.0, -150.0)
 
@@ -64,7 +65,7 @@ def test_the_error_falls_nearly_as_far_as_with_the_true_shape(what: str, library
     session = recording(signal, encoder)
     found, before, after, model = keep(session)
     assert (found.axis, found.against) == ("z", against)
-    oracle_before, oracle_after, _ = add(session, None, truth)
+    oracle_before, oracle_after, _ = add_measured(session, None, truth)
     fallen = before.per_axis["z"].rms_dps ** 2 - after.per_axis["z"].rms_dps ** 2
     possible = oracle_before.per_axis["z"].rms_dps ** 2 - oracle_after.per_axis["z"].rms_dps ** 2
     assert possible > 0

@@ -94,9 +94,9 @@ def test_within_figures_have_no_offset_and_scale_of_a_power_cycle() -> None:
 
 
 def test_the_error_of_the_excess_is_that_of_the_mean_square() -> None:
-    excess, se = excess_of(1.0, 0.02, 0.0)
-    assert (excess, se) == pytest.approx((1.0, 0.01), rel=1e-3)  # d sqrt(x) = dx / (2 sqrt(x))
-    assert excess_of(-1.0, 0.02, 0.0) == pytest.approx((0.0, np.sqrt(0.02) / 2))
+    excess, se = excess_of(1.0, 0.001, 0.0)
+    assert (excess, se) == pytest.approx((1.0, 0.0005), rel=1e-3)  # d sqrt(x) = dx / (2 sqrt(x))
+    assert excess_of(-1.0, 0.02, 0.0) == pytest.approx((0.0, np.sqrt(3 * 0.02) / 3))
 
 
 def test_explained_counts_squares_and_needs_a_certain_excess() -> None:
@@ -156,3 +156,9 @@ def test_samples_without_a_reference_neither_lower_the_rms_nor_have_a_residual()
     assert table["t_s"].min() > 3
     assert table["t_s"].max() < 13
     assert (table["measured_dps"] != table["modelled_dps"]).all()
+
+
+@pytest.mark.parametrize("errors", [0.5, 2.0, 2.9, 3.1, 10.0, 1000.0])
+def test_an_excess_is_beyond_three_of_its_errors_exactly_if_its_mean_square_is(errors: float) -> None:
+    excess, se = excess_of(errors * 0.02, 0.02, 0.0)
+    assert (excess > 3 * se) == (errors > 3)

@@ -5,6 +5,7 @@ import polars as pl
 import pytest
 
 from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.model import Model
@@ -51,7 +52,7 @@ def test_a_coarse_encoder_is_judged_by_the_angle_and_no_misfit(step_deg: float) 
 def test_a_swing_that_begins_in_motion_is_not_said_to_begin_apart() -> None:
     """There is no rate beside the start of an angle, and the first readings must not be held against one."""
     for seed in range(4):
-        assert [w.code for w in compare(session(seed, 0.1)).warnings] == []
+        assert [w.code for w in measure(session(seed, 0.1)).warnings] == []
 
 
 def test_scale_and_bias_have_honest_errors_beside_coarse_steps() -> None:

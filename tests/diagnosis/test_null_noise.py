@@ -18,6 +18,8 @@ from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
 from study import study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def null() -> ModuleType:

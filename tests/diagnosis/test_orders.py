@@ -7,7 +7,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.comparison import measure
@@ -21,8 +20,10 @@ from gyrocal.effects.wave import size_over_rate
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import simulate
+from known import add_measured
 from make_runs import make_run, make_session
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 Planted = dict[str, Array]
 
 
@@ -91,7 +92,7 @@ def test_an_order_tone_is_named_at_several_rates(order: float) -> None:
     assert found.best.values["order"] == pytest.approx(order, abs=0.01)
     assert found.best.values["A_dps"] == pytest.approx(0.05, rel=0.1)
     assert next(f for f in found.comparison.where if f.axis == "z").against == ("table_angle" if order == 5.0 else "order")
-    before, after, _ = add(session, None, "order_tone")
+    before, after, _ = add_measured(session, None, "order_tone")
     assert after.per_axis["z"].excess_dps < 0.7 * before.per_axis["z"].excess_dps
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.diagnose import diagnose
@@ -16,8 +15,10 @@ from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import add_measured
 from make_runs import make_run, make_session
 
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 SIZES = {"shaker": (2, 15.0), "swing": (2, 30.0), "chamber": (2, 700.0), "full": (2, 15.0)}
 
 
@@ -47,7 +48,7 @@ def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, 
     assert named[0].effect.id == effect_id
     assert {c.effect.id for c in found.candidates if c.decision == "add"} == {effect_id}
     assert named[0].values[name] == pytest.approx(value, rel=0.1)
-    before, after, _ = add(session, None, effect_id)
+    before, after, _ = add_measured(session, None, effect_id)
     axis = named[0].axis
     assert after.per_axis[axis].excess_dps < 0.5 * before.per_axis[axis].excess_dps
 

@@ -9,6 +9,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session
 
+pytestmark = pytest.mark.slow
 RATE_HZ, SECONDS, HIGHEST_DPS = 50.0, 40.0, 150.0
 T_S = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
 

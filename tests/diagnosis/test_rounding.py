@@ -8,6 +8,7 @@ from gyrocal.diagnosis.rounding import amplitudes_dps
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.slow
 COUNT_DPS, SD_DPS = 0.1, 0.029
 
 

@@ -8,6 +8,9 @@ from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import add_measured
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session_of(campaign: str, *effects: str, seed: int = 5) -> Session:
@@ -92,11 +95,11 @@ def test_two_effects_are_found_one_by_one() -> None:
         if found.best is None:
             break
         named.append(found.best.effect.id)
-        model = add(session, model, named[-1])[2]
+        model = add_measured(session, model, named[-1]).model
     assert sorted(named) == ["g_sensitivity", "scale_temperature"]
     assert found.verdict == "adequate"
 
 
 def test_a_wrong_effect_does_not_make_the_error_fall() -> None:
-    before, after, _ = add(session_of("full", "g_sensitivity"), None, "scale_temperature")
+    before, after, _ = add_measured(session_of("full", "g_sensitivity"), None, "scale_temperature")
     assert after.pooled.excess_dps > 0.95 * before.pooled.excess_dps

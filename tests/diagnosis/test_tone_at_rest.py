@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
+from known import add_measured
 from make_runs import make_run, make_session
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session(seed: int, asymmetry: float = 0.0) -> Session:
@@ -34,11 +36,11 @@ def named(diagnosed: Session, model: object = None) -> list[str]:
 def test_its_value_at_rest_is_no_even_error_of_the_rate(seed: int) -> None:
     of = session(seed)
     assert named(of) == ["order_tone"]
-    _, _, model = add(of, None, "order_tone")
+    model = add_measured(of, None, "order_tone").model
     assert not {"scale_asymmetry", "centripetal"} & set(named(of, model))
 
 
 def test_an_asymmetry_that_the_speeds_show_is_named_beside_it() -> None:
     of = session(9703, asymmetry=2e-3)
-    _, _, model = add(of, None, "order_tone")
+    model = add_measured(of, None, "order_tone").model
     assert named(of, model) == ["scale_asymmetry"]

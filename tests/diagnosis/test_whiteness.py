@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis import whiteness
+from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.spectrum import spectrum
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
 
 
 def with_signal(session: Session, signal_dps: np.ndarray) -> Session:
@@ -65,3 +68,23 @@ def test_a_sweep_is_a_bump_and_low_pass_noise_and_a_tone_are_none() -> None:
     assert bump.amplitude_dps == pytest.approx(0.02, rel=0.25)
     assert bump.sigma > 7
     assert bump.chance < 1e-8
+
+
+def test_a_line_in_a_quiet_part_of_the_spectrum_is_as_strong_as_its_chance_says() -> None:
+    """It was found with a chance of 1e-202 and told as 0.6 sigma, the noise of all frequencies being that of the highest."""
+    rng = np.random.default_rng(2)
+    t_s = np.arange(6000) / 100
+    line = np.outer(0.05 * np.sin(4 * np.pi * t_s), [1, 0, 0])
+    blue = [np.diff(rng.normal(0, 3.0, (t_s.size + 2, 3)), n=2, axis=0) for _ in range(2)]
+    runs = [make_run(t_s, y + line, table_rate_dps=0.0, scenario=f"s{i}") for i, y in enumerate(blue)]
+    (found,) = (f for f in measure(make_session(*runs)).where if f.note.startswith("a line of"))
+    assert found.band_hz == (pytest.approx(2.0, abs=0.01),) * 2
+    assert found.strength > 10
+
+
+def test_a_band_beside_which_there_is_no_power_at_all_is_no_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Readings of 100 000 deg/s leave nothing but rounding in some bands, by which another was divided."""
+    bands = [whiteness._Band(k, k + 1.0, ratio, ratio, 40.0) for k, ratio in enumerate((0.0, 50.0, 0.0, 30.0, 40.0))]
+    monkeypatch.setattr(whiteness, "_bands", lambda _: bands)
+    found = too_much_power(None, "z", 0.5)  # type: ignore[arg-type]
+    assert found is None or found.band_hz[0] > 2.0

@@ -175,7 +175,37 @@ def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
 
 def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:
     assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008}, 1.0)
+    assert effect("dead_band").contradicted({"width_dps": 0.2, "depth": 1.7}, 1.0)
     assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8}, 1.0)
+
+
+@pytest.mark.parametrize("repeats", [0, 3])
+def test_few_repeated_readings_of_a_moving_rate_are_repeated_readings_and_no_outliers(make_run: MakeRun, repeats: int) -> None:
+    """Three of 20000 readings: too few to be counted beside chance, but each stands out of the motion."""
+    rng = np.random.default_rng(11)
+    w_dps = 200 * np.sin(2 * np.pi * 0.5 * np.arange(20_000) / 400)
+    chip = np.outer(w_dps, [0.01, 0.0, 1.0]) + rng.normal(0, 0.05, (w_dps.size, 3))
+    for row in (2411, 8015, 15_203)[:repeats]:
+        chip[row] = chip[row - 1]
+    run = make_run(np.arange(len(chip)) / 400, np.round(chip / 0.0175) * 0.0175, rate_ref_dps=w_dps)
+    sampling, jumps = effect("sampling_fault").fault, effect("bias_jumps").fault
+    assert sampling is not None
+    assert jumps is not None
+    assert (sampling.detect([run], 2) is not None) is bool(repeats)
+    assert jumps.detect([run], 2) is None
+
+
+def test_readings_that_stand_out_without_being_repeated_are_no_repeated_ones(make_run: MakeRun) -> None:
+    rng = np.random.default_rng(12)
+    w_dps = 200 * np.sin(2 * np.pi * 0.5 * np.arange(20_000) / 400)
+    chip = np.outer(w_dps, [0.01, 0.0, 1.0]) + rng.normal(0, 0.05, (w_dps.size, 3))
+    chip[[2411, 8015, 15_203], 2] += 1.0
+    run = make_run(np.arange(len(chip)) / 400, np.round(chip / 0.0175) * 0.0175, rate_ref_dps=w_dps)
+    sampling, jumps = effect("sampling_fault").fault, effect("bias_jumps").fault
+    assert sampling is not None
+    assert jumps is not None
+    assert sampling.detect([run], 2) is None
+    assert jumps.detect([run], 2) is not None
 
 
 def test_a_reading_that_leads_is_no_lag_unless_that_is_the_main_cause() -> None:
@@ -262,9 +292,10 @@ def steps_dps(samples: int) -> Array:
     """Constant rates between ramps of 0.3 s."""
     levels = np.array([0, 50, -50, 100, -100, 200, -200, 150, -150, 30, -30, 0.0])
     at = np.arange(samples) / samples * (levels.size - 1)
-    return np.interp(at % 1, [0.0, 1 - 30 * (levels.size - 1) / samples, 1.0], [0.0, 0.0, 1.0]) * np.diff(levels)[
-        at.astype(int)
-    ] + levels[at.astype(int)]
+    return (
+        np.interp(at % 1, [0.0, 1 - 30 * (levels.size - 1) / samples, 1.0], [0.0, 0.0, 1.0]) * np.diff(levels)[at.astype(int)]
+        + levels[at.astype(int)]
+    )
 
 
 def of_two_samples(make_run: MakeRun, w_dps: Array, bit: int, share: float, late: int, rng: np.random.Generator) -> Run:

@@ -76,6 +76,7 @@ def test_rounding_is_no_other_fault_of_the_reading(make_run: MakeRun, step_dps: 
         assert single_power(runs, 2) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count_dps", "named"), [(0.5, True), (0.2, True), (0.04, False)])
 def test_a_step_that_hides_the_noise_is_named_without_a_stated_count(count_dps: float, named: bool) -> None:
     """A session without lsb_dps was unknown, or small rates that round to zero were a dead band."""

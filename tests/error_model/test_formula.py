@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
@@ -17,6 +16,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import add_measured
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +47,13 @@ def test_kinks_and_turns(session: Session) -> None:
     np.testing.assert_allclose(kind.columns(run, 2, {}), np.column_stack(expected), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_size_of_its_own_in_each_run(session: Session) -> None:
     """`; each run`: the value is the size's root mean square over the runs."""
     rng = np.random.default_rng(0)
     sizes = rng.normal(0, 0.05, len(session.runs))
     planted = with_signal(session, lambda r: sizes[r.index] * np.sin(0.7 * (r.t_s - r.t_s[0])))
-    before, after, model = add(planted, None, "wobble: k*sin(0.7*t); each run")
+    before, after, model = add_measured(planted, None, "wobble: k*sin(0.7*t); each run")
     assert after.pooled.excess_dps < 0.2 * before.pooled.excess_dps
     term = model.term("wobble", "z")
     assert term is not None
@@ -85,13 +86,14 @@ def test_no_text_does_anything_but_parse(text: str) -> None:
     assert "\n" not in message
 
 
+@pytest.mark.slow
 def test_a_formula_is_found_added_and_kept(session: Session, tmp_path: Path) -> None:
     planted = with_signal(session, lambda r: 0.02 * np.sin(0.7 * (r.t_s - r.t_s[0])))
     found = diagnose(planted, formulas=["wobble: k*sin(0.7*t)"])
     assert found.best is not None
     assert (found.best.effect.id, found.best.axis) == ("wobble", "z")
     assert found.best.values["k"] == pytest.approx(0.02, rel=0.05)
-    before, after, model = add(planted, None, "wobble: k*sin(0.7*t)")
+    before, after, model = add_measured(planted, None, "wobble: k*sin(0.7*t)")
     assert after.pooled.excess_dps < 0.4 * before.pooled.excess_dps
     model.save(tmp_path / "m.toml")
     again = Model.open(tmp_path / "m.toml")
@@ -99,9 +101,10 @@ def test_a_formula_is_found_added_and_kept(session: Session, tmp_path: Path) -> 
     assert diagnose(planted, again).verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_a_nonlinear_parameter_is_refined(session: Session) -> None:
     planted = with_signal(session, lambda r: 0.05 * np.exp(-(r.t_s - r.t_s[0]) / 3.0))
-    _, after, model = add(planted, None, "A*exp(-t/tau); tau=8")
+    _, after, model = add_measured(planted, None, "A*exp(-t/tau); tau=8")
     assert model.value("formula", "z", "tau") == pytest.approx(3.0, rel=0.1)
     assert after.fit.model.value("formula", "z", "A") == pytest.approx(0.05, rel=0.1)
 
@@ -121,6 +124,7 @@ class Wobble(Effect):
 """
 
 
+@pytest.mark.slow
 def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_path: Path) -> None:
     (tmp_path / "own_wobble.py").write_text(OWN)
     try:

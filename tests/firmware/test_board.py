@@ -1,80 +1,13 @@
 """The port itself runs: its tasks, buses, interrupts, flash and light on a board in virtual time (the folder board)."""
 
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gyrocal.device.wire import Reader, Sentence, raw_table
-from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
+from gyrocal.device.wire import raw_table
 
-HERE = Path(__file__).parent
-SANITIZE = ["-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-PINS = ["-DGYROCAL_SDA=21", "-DGYROCAL_SCL=22", "-DGYROCAL_SDA2=17", "-DGYROCAL_SCL2=16", "-DGYROCAL_LED=13"]
-CHIPS = [f"0 chip {i}" for i in range(4)]
-UP = [8950 + 10 * i for i in range(4)]
-DOWN = [-8960 - 10 * i for i in range(4)]
-
-Play = Callable[..., str]
-
-
-def compile_board(folder: Path, gxx: str, gcc: str, *more: str) -> Path:
-    folders = [f"-I{f}" for f in (SRC, CORE, INCLUDE, SIM, HERE / "arduino")]
-    common = [*SANITIZE, *PINS, *more, *folders, "-c"]
-    core = [*CORE.rglob("*.c"), SIM / "emul_lsm6dso.c", SRC / "headers.c"]
-    subprocess.run([gcc, "-std=gnu99", *common, *map(str, core)], cwd=folder, check=True)
-    sources = [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")]
-    subprocess.run([gxx, "-std=gnu++14", *common, *map(str, sources)], cwd=folder, check=True)
-    program = folder / "board"
-    objects = sorted(map(str, folder.glob("*.o")))
-    subprocess.run([gxx, *SANITIZE, *objects, "-pthread", "-lm", "-o", str(program)], check=True)
-    return program
-
-
-@pytest.fixture(scope="module")
-def play(require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Play:
-    """`play(script, seconds, flash, wired)`: what the port writes to its serial port, and its light."""
-    gxx, gcc = require_tool("g++"), require_tool("gcc")
-    built: dict[bool, Path] = {}
-
-    def run(script: list[str], seconds: float, flash: Path | None = None, wired: bool = False) -> str:
-        if wired not in built:
-            folder = tmp_path_factory.mktemp("board")
-            built[wired] = compile_board(folder, gxx, gcc, *(["-DGYROCAL_INT1=27"] if wired else []))
-        flash = flash or tmp_path_factory.mktemp("flash") / "flash"
-        text = "\n".join(sorted(script, key=lambda line: float(line.split()[0]))) + "\n"
-        done = subprocess.run(
-            [built[wired], str(flash), str(seconds)], input=text, capture_output=True, text=True, timeout=120
-        )
-        assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
-        return done.stdout
-
-    return run
-
-
-def sentences(text: str, tag: str | None = None, imu: int | None = None) -> list[Sentence]:
-    """What was said, every line whole."""
-    reader = Reader()
-    said = reader.feed(text.encode())
-    assert (reader.bad, reader.overlong) == (0, 0)
-    return [s for s in said if tag in (None, s.tag) and imu in (None, s.imu)]
-
-
-def values(text: str, tag: str, name: str) -> list[str]:
-    return [s.fields[name] for s in sentences(text, tag)]
-
-
-def turn(at_s: float, counts: list[int]) -> list[str]:
-    """All sensors see the table turn from now on, each with a scale of its own."""
-    return [f"{at_s} world {i} 0 0 0 {n} 0 0 {16393 if n > 0 else -16393}" for i, n in enumerate(counts)]
-
-
-def pair(count: int = 4) -> list[str]:
-    return [
-        *CHIPS[:count], *turn(0, UP), "1 > start up", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop",
-    ]  # fmt: skip
+from .conftest import CHIPS, DOWN, UP, WIRED, Play, pair, sentences, turn, values
 
 
 def test_four_sensors_on_two_buses_calibrate_each_for_itself(play: Play, tmp_path: Path) -> None:
@@ -122,7 +55,7 @@ def test_with_a_sensor_missing_the_others_keep_what_is_theirs(play: Play, tmp_pa
 
 def test_the_interrupt_line_belongs_to_its_sensor(play: Play) -> None:
     """The pin is wired to the first sensor; the second, alone, is asked as if there were no pin."""
-    text = play(["0 chip 1", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw"], 4, wired=True)
+    text = play(["0 chip 1", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw"], 4, None, WIRED)
     steps = np.diff(raw_table(sentences(text, "RAW", 1)).t_us)
     assert len(steps) > 190
     assert np.abs(steps - 1e6 / 104).max() < 300
@@ -163,25 +96,100 @@ def test_commands_are_heard_while_samples_flood_the_wire(play: Play) -> None:
         assert max(s.t_us for s in sentences(text, "RAW", imu)) < 4.3e6
 
 
+def test_a_command_arrives_although_one_sensor_fills_the_wire(play: Play) -> None:
+    """1666 samples a second are more than the wire carries."""
+    long = "0 world 0 -2000 -12345 -12345 8950 -12345 -12345 16393"
+    script = [CHIPS[0], long, "0.3 > set rate_hz 416", "0.5 > set fifo 16", "0.8 > set rate_hz 1666"]
+    text = play([*script, "1 > stream raw", "4 > stream off", "5 > status"], 6)
+    assert values(text, "ACK", "cmd") == ["set", "set", "set", "stream", "stream", "status"]
+    assert int(values(text, "STA", "lost")[0]) > 500
+    assert max(s.t_us for s in sentences(text, "ACK") if s.fields["cmd"] == "stream") < 4.3e6
+    assert max(s.t_us for s in sentences(text, "RAW")) < 4.3e6
+
+
 @pytest.mark.parametrize(
     ("what", "says"),
     [
         ("task", "no memory for its task"),
         ("flash", "its flash cannot be opened"),
+        ("flash", "no partition gyrocal"),
         ("wire", "bus 0 cannot be started"),
     ],
 )
 def test_what_the_board_refuses_is_told(play: Play, what: str, says: str) -> None:
     text = play([f"0 fail {what}", *CHIPS[:1], *turn(0, UP), "1 > status"], 2)
-    assert says in text
+    assert text.count(says) == 1
     assert bool(sentences(text, "STA")) == (what != "task")
+
+
+def test_flash_without_free_pages_is_erased_and_used(play: Play, tmp_path: Path) -> None:
+    flash = tmp_path / "flash"
+    text = play(["0 fail nvs", *pair(1)], 16, flash)
+    assert "the flash for results is erased (ESP_ERR_NVS_NO_FREE_PAGES)" in text
+    assert "partition" not in text
+    again = play([CHIPS[0], *turn(0, UP), "1 > dump"], 4, flash)
+    assert [s.text for s in sentences(again, "OLD")] == [s.text for s in sentences(text, "CAL")]
+
+
+def test_the_first_sentence_is_behind_the_reason_of_the_reset(play: Play) -> None:
+    """The log of the ROM is noise at this speed and has no newline."""
+    for reason, name in ((1, "power-on"), (9, "brown-out"), (6, "watchdog of a task"), (77, "unknown")):
+        text = play([f"0 reset {reason}", CHIPS[0]], 0.5)
+        _, line, *rest = text.split("\n")
+        assert line.startswith("# gyrocal ")
+        assert f", reset reason {reason}, {name}" in line
+        assert next(said for said in rest if not said.startswith("# light")).startswith("$HEL,0,")
 
 
 def test_a_board_without_a_sensor_says_so_and_finds_it_later(play: Play) -> None:
     text = play(["3 chip 0", *turn(0, UP), "6 > status", "6 > stream raw"], 7)
+    assert text.count("# no sensor answers at SDA 21, SCL 22") == 1
     assert set(values(text, "ERR", "name")) == {"bus_nack"}
     assert int(values(text, "STA", "resets")[0]) >= 3
     assert len(sentences(text, "RAW")) == pytest.approx(145, abs=3)
+
+
+def test_the_pins_of_another_board_are_recognised(play: Play) -> None:
+    """The two Thing Plus look alike: this one has the firmware of the other."""
+    text = play(["0 pins 23 22", "0 chip 1"], 2)
+    assert "# no sensor answers at SDA 21, SCL 22, but one does at SDA 23, SCL 22: flash -e thing_plus_micro_b\n" in text
+    assert set(values(text, "ERR", "name")) == {"bus_nack"}
+
+
+def test_a_sensor_that_comes_later_is_taken_up(play: Play) -> None:
+    text = play([CHIPS[0], "3 chip 1", "4 chip 3", *turn(0, UP), "6 > status"], 7)
+    assert {s.imu for s in sentences(text, "STA")} == {0, 1, 3}
+    assert not sentences(text, "ERR")
+    text = play([CHIPS[0], *turn(0, UP), "1 > start up", "3 chip 1", "5 > status", "6 > stop", "8 > status"], 9)
+    assert [s.imu for s in sentences(text, "STA") if s.t_us < 6e6] == [0]  # a run is not disturbed
+    assert {s.imu for s in sentences(text, "STA") if s.t_us > 6e6} == {0, 1}
+
+
+def test_the_only_sensor_may_come_later_at_the_other_address(play: Play) -> None:
+    """The board has stood in for the sensor at 0x6B meanwhile, which is not there: it starts anew."""
+    text = play(["2 chip 1"], 6)
+    assert text.count("# sensor 1 answers now: the board restarts\n") == 1
+    assert text.endswith("# restart\n")
+
+
+def test_buses_that_are_held_low_are_told_soon_and_used_later(play: Play) -> None:
+    """A sensor without power holds both lines low; a transfer would wait a second for an event that never comes."""
+    text = play([*CHIPS, "0 low 0", "0 low 1", "3 free 0", "3 free 1", *turn(0, UP), "1 > hello", "6 > status"], 7)
+    said = sentences(text)
+    assert [(s.tag, s.imu) for s in said[:2]] == [("ERR", 0), ("HEL", 0)]
+    assert said[1].t_us < 500_000
+    assert min(s.t_us for s in sentences(text, "ACK")) < 1_100_000
+    assert text.count("# bus 0: SDA 21 stays low: ") == text.count("# bus 1: SDA 17 stays low: ") == 1
+    assert {s.imu for s in sentences(text, "STA")} == {0, 1, 2, 3}
+    assert not [s for s in sentences(text, "ERR") if s.t_us > 4_200_000]
+
+
+def test_a_part_that_waits_with_int1_high_survives_a_restart(play: Play) -> None:
+    """The set-up of a part resets it; new settings set it up again while data wait."""
+    again = [f"{t} > set full_scale_dps 500" for t in (1, 1.3, 1.7)]
+    text = play([CHIPS[0], *turn(0, UP), *again, "3 > status"], 4, None, WIRED)
+    assert not sentences(text, "ERR")
+    assert values(text, "STA", "resets") == ["0"]
 
 
 def test_a_bus_that_is_held_low_is_clocked_free(play: Play) -> None:
@@ -195,12 +203,12 @@ def test_a_bus_that_is_held_low_is_clocked_free(play: Play) -> None:
 
 def test_the_interrupt_line_times_samples_and_batches(play: Play) -> None:
     script = ["0 chip 0", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw", "4 > status"]
-    text = play(script, 5, wired=True)
+    text = play(script, 5, None, WIRED)
     t_us = raw_table(sentences(text)).t_us
     assert np.abs(np.diff(t_us) - 64e6 / 6667).max() < 60  # found by asking, it would be 100 and more
     assert (values(text, "STA", "stale"), values(text, "STA", "missed")) == (["0"], ["0"])
 
-    text = play([*script, "1.5 > set fifo 16"], 5, wired=True)
+    text = play([*script, "1.5 > set fifo 16"], 5, None, WIRED)
     t_us = raw_table(sentences(text)).t_us
     np.testing.assert_allclose(np.diff(t_us), 64e6 / 6667, atol=2.0)
     assert len(t_us) == pytest.approx(3 * 104, abs=20)
@@ -220,6 +228,45 @@ def test_flash_writes_of_one_sensor_cost_another_nothing_with_the_fifo(play: Pla
     text = play([*script, "0.8 > set fifo 16"], 6)
     assert missed(text) == [0, 0]
     assert not sentences(text, "ERR")
+
+
+def test_the_results_of_one_sensor_are_stored_when_no_run_of_another_would_lose_samples(play: Play, tmp_path: Path) -> None:
+    """The first sensor's table stops at 5 s, the second's goes on without the FIFO."""
+    flash = tmp_path / "flash"
+    still = [f"{t} world {i} 0 0 0 0 0 0 16393" for t, i in ((0, 0), (0, 1), (5, 0), (9, 1))]
+    script = [*CHIPS[:2], *still, "0.5 > auto on", *turn(1.5, UP[:2])]
+    text = play(script, 10, flash)
+    ends = [s for s in sentences(text, "RUN") if s.fields["state"] == "end"]
+    assert [s.imu for s in ends] == [0, 1]
+    assert [s.fields["missed"] for s in ends] == ["0", "0"]
+    content = flash.read_bytes()
+    assert content.count(b"bus0_6B/windows") == 1
+    assert content.count(b"bus0_6A/windows") == 1
+
+
+def test_the_bus_is_as_slow_as_it_was_asked_to_be(play: Play) -> None:
+    """A sample takes a quarter of a millisecond for each hundred bits of its transfers."""
+    slowest = []
+    for flags in ((), ("-DGYROCAL_I2C_HZ=100000",)):
+        text = play([CHIPS[0], *turn(0, UP), "1 > status", "2 > start up", "5 > stop"], 6, None, *flags)
+        assert [s.fields["missed"] for s in sentences(text, "RUN") if s.fields["state"] == "end"] == ["0"]
+        assert not sentences(text, "ERR")
+        slowest.append(int(values(text, "STA", "slowest_us")[0]))
+    assert 400 < slowest[0] < 1200
+    assert slowest[1] == pytest.approx(4 * slowest[0], rel=0.3)
+
+
+def test_status_tells_how_near_the_board_is_to_its_limits(play: Play) -> None:
+    text = play([CHIPS[0], *turn(0, UP), "1 > status"], 2)
+    assert (values(text, "STA", "heap_bytes"), values(text, "STA", "stack_bytes")) == (["150000"], ["8192"])
+
+
+def test_an_edge_is_dated_as_it_is_seen_while_another_sensor_holds_the_bus(play: Play) -> None:
+    """The second sensor, which has no interrupt line, asks for its data all the time."""
+    text = play(["0 chip 0", "0 chip 1", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw"], 4, None, WIRED)
+    steps = np.diff(raw_table(sentences(text, "RAW", 0)).t_us)
+    assert len(steps) > 190
+    assert np.abs(steps - 64e6 / 6667).max() < 10
 
 
 def test_the_light_shows_the_sensor_that_is_furthest_behind(play: Play) -> None:

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from gyrocal_firmware import CORE, ROOT, SRC
+from gyrocal_firmware import CORE, ROOT, SIM, SRC
 
 PAGE = (Path(__file__).parents[2] / "docs" / "board.md").read_text()
 
@@ -22,6 +22,12 @@ def test_every_error_code_with_its_advice() -> None:
     assert rows("| code | name | what to do |") == want, "\n".join(f"| {' | '.join(row)} |" for row in want)
 
 
+def test_sensors_are_those_of_the_drivers() -> None:
+    """Name, id and usual address of every part, as the emulated ones have them, which are held against the drivers."""
+    kinds = re.findall(r'\{"([^"]+)", &\w+, 0x(\w\w), 0x(\w\w)', (SIM / "emul.c").read_text())
+    assert [(row[0], row[2][:2], row[1]) for row in rows("| sensor | id | addresses |")] == kinds
+
+
 def test_pins_are_those_of_the_environments() -> None:
     ini = (ROOT / "platformio.ini").read_text()
     table = rows("| board | environment | SDA | SCL | light |")
@@ -30,6 +36,27 @@ def test_pins_are_those_of_the_environments() -> None:
         section = ini.partition(f"[env:{environment.strip('`')}]")[2].partition("\n\n")[0]
         assert f"-DGYROCAL_SDA={sda} -DGYROCAL_SCL={scl} " in section
         assert re.search(rf"LED={light.split(', ')[1].split()[0]}\b", section)
+
+
+def test_pins_that_are_tried_are_those_of_the_environments() -> None:
+    """Of each chip, every environment, once for each place."""
+    header = (SRC / "board.h").read_text()
+    known = re.findall(r'\{"(\w+)", (\d+), (\d+)\}', header)
+    ini = (ROOT / "platformio.ini").read_text()
+    chips = {"esp32thing_plus": "ESP32", "esp32-c3-devkitm-1": "ESP32C3", "esp32-s3-devkitc-1": "ESP32S3"}
+    places: dict[tuple[str, str, str], str] = {}
+    for name, board, sda, scl in re.findall(
+        r"\[env:(\w+)\]\nextends = esp32\nboard = (\S+)\n.*SDA=(\d+) -DGYROCAL_SCL=(\d+) ", ini
+    ):
+        places.setdefault((chips[board], sda, scl), name)
+    assert known == [(name, sda, scl) for (_, sda, scl), name in places.items()]
+    assert re.findall(r"CONFIG_IDF_TARGET_(\w+)\)", header) == list(dict.fromkeys(chip for chip, *_ in places))[:-1]
+
+
+def test_every_reason_of_a_reset() -> None:
+    source = (SRC / "reset_reason.cpp").read_text()
+    names = re.findall(r'return "([^"]+)";', source)
+    assert [row[0] for row in rows("| reset reason | what to do |")] == names
 
 
 def test_what_is_kept_has_a_partition_of_its_own() -> None:

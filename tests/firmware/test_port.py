@@ -27,7 +27,9 @@ def check(compiler: str, flags: str, source: Path) -> str:
     return subprocess.run(command, capture_output=True, text=True).stderr
 
 
-@pytest.mark.parametrize("flags", [*BOARDS.values(), f"{BOARDS['thing_plus_usb_c']} {OPTIONS}"])
+@pytest.mark.parametrize(
+    "flags", [*BOARDS.values(), f"{BOARDS['thing_plus_usb_c']} {OPTIONS}", f"{BOARDS['esp32_c3']} -DESP_IDF_VERSION_MAJOR=5"]
+)
 def test_port_type_checks(flags: str, require_tool: Callable[[str], str]) -> None:
     sources = sorted(p for p in SRC.iterdir() if p.suffix in (".c", ".cpp"))
     assert len(sources) > 5

@@ -9,6 +9,7 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
 from gyrocal.gravity.compare import compare, residual_table
 from gyrocal.gravity.diagnose import add, diagnose, explain
 from gyrocal.gravity.fit import full
@@ -97,6 +98,8 @@ def test_an_effect_that_gravity_does_not_show_is_not_added() -> None:
     before, after = add(session, None, "table_ripple")
     assert "table_ripple was not added" in before.note
     assert after.fit.model.ids == before.fit.model.ids
+    with pytest.raises(InputError, match="scale: the model has it already"):
+        add(session, None, "scale")
 
 
 @pytest.mark.parametrize("verb", ["compare", "diagnose"])

@@ -203,7 +203,7 @@ def test_training_without_torch_says_what_to_install() -> None:
         "sys.exit(main(['train', '--out', 'never']))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "pip install 'gyrocal[train]' --extra-index-url INDEX" in done.stderr
 
 

@@ -2,7 +2,7 @@
 
 ``python tests/pins/record.py`` writes ``tests/pins/<session>.json`` anew; with names of sessions, only these. ``--check``
 compares instead of writing, and exits with 1 where an answer changed. A deliberate change of behaviour is recorded again, and
-the difference that git shows is part of its commit.
+the difference that git shows is part of its commit. ``kept.py`` chooses what is recorded, and ``compare.py`` what is the same.
 """
 
 from __future__ import annotations
@@ -12,33 +12,29 @@ import contextlib
 import hashlib
 import io
 import json
-import math
-import platform
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
-import scipy
-from threadpoolctl import threadpool_info
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from gyrocal.api import Run, Session, simulate
 from gyrocal.cli import main
 from gyrocal.device.simulated import replay
+from pins import kept
+from pins.compare import differences
 
 HERE = Path(__file__).resolve().parent
-SAME_MACHINE_REL = 1e-9
-OTHER_MACHINE_REL = 1e-4
-"""Where numpy, scipy or the BLAS kernels differ, an optimiser stops elsewhere within its own tolerance."""
-LEAST = 1e-12
-SENTENCES = {"note", "next_measurement", "text", "message"}
-"""Keys whose values are prose: they may be reworded, and are not recorded."""
 ADDED_EFFECT = {"swing": "lag", "turns": "bias_temperature", "rest": "bias_temperature"}
 """What ``add`` adds; elsewhere the ripple of the table."""
+EXPLAINED = ("paper", "rest", "table2")
+"""Sessions whose story ``explain`` tells."""
 SEED = 11
 
 
@@ -118,16 +114,10 @@ def command(*arguments: str) -> tuple[int, str]:
     return code, out.getvalue()
 
 
-def answer(*arguments: str) -> Any:
-    """What a command prints as JSON, without its sentences; where it failed, its exit code."""
+def answer(kept: Callable[[Any], Any], *arguments: str) -> Any:
+    """What is pinned of a command's answer; where it failed, its exit code."""
     code, text = command(*arguments, "--json")
-    return without_sentences(json.loads(text)) if code == 0 else {"exit_code": code}
-
-
-def without_sentences(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: without_sentences(inner) for key, inner in value.items() if key not in SENTENCES}
-    return [without_sentences(inner) for inner in value] if isinstance(value, list) else value
+    return kept(json.loads(text)) if code == 0 else {"exit_code": code}
 
 
 def record(name: str, folder: Path) -> dict[str, Any]:
@@ -135,40 +125,33 @@ def record(name: str, folder: Path) -> dict[str, Any]:
     path, model = folder / name, folder / f"{name}.toml"
     SESSIONS[name](path)
     recorded = {
-        "made_with": made_with(),
-        "compare": answer("compare", str(path)),
-        "diagnose": answer("diagnose", str(path)),
-        "add": answer("add", ADDED_EFFECT.get(name, "table_ripple"), str(path), "--model", str(model)),
-        "calibrate": calibrated(path),
+        "compare": answer(kept.of_compare, "compare", str(path)),
+        "diagnose": answer(kept.of_diagnose, "diagnose", str(path)),
+        "add": answer(kept.of_add, "add", ADDED_EFFECT.get(name, "table_ripple"), str(path), "--model", str(model)),
+        "calibrate": answer(kept.of_calibrate, "calibrate", str(path)),
     }
+    if name in EXPLAINED:
+        recorded["explain"] = answer(kept.of_explain, "explain", str(path), "--model", str(folder / "explained.toml"))
     if model.exists():
-        recorded["compare_with_model"] = answer("compare", str(path), "--model", str(model))
-        recorded["calibrate_with_model"] = calibrated(path, "--model", str(model))
+        again = answer(kept.of_compare, "compare", str(path), "--model", str(model))
+        recorded["compare_with_model"] = {"as_added": again == recorded["add"].get("after")}
+        recorded["calibrate_with_model"] = answer(kept.of_calibrate_with_model, "calibrate", str(path), "--model", str(model))
     if name == "table2":
         recorded |= of_the_device(path, model, folder)
     return recorded
 
 
-def calibrated(session: Path, *options: str) -> Any:
-    """What ``calibrate`` answers, with the error budget of the first estimate alone."""
-    said = answer("calibrate", str(session), *options)
-    first = [(row["scenario"], row["method"], row["seconds"], row["axis"]) for row in said.get("budget", [])[:1]]
-    if first:
-        said["budget"] = [r for r in said["budget"] if (r["scenario"], r["method"], r["seconds"], r["axis"]) == first[0]]
-    return said
-
-
 def of_the_device(session: Path, model: Path, folder: Path) -> dict[str, Any]:
-    """The exported headers, byte for byte, and every ``$CAL`` of a replay through the core that includes them."""
+    """The exported headers and every ``$CAL`` of a replay through the core that includes them."""
     out = folder / "export"
     code, _ = command("export", "--model", str(model), "--out", str(out))
     if code:
         return {"export": {"exit_code": code}}
     said = replay(session, stream="off", include_dir=out)
     return {
-        "calibration.h": (out / "calibration.h").read_text(encoding="utf-8").splitlines(),
+        "calibration.h": kept.header((out / "calibration.h").read_text(encoding="utf-8")),
         "weights.h": {"sha256": hashlib.sha256((out / "weights.h").read_bytes()).hexdigest()},
-        "cal": [{key: as_number(text) for key, text in s.fields.items()} for s in said if s.tag == "CAL"],
+        "cal": kept.of_the_device({key: as_number(text) for key, text in s.fields.items()} for s in said if s.tag == "CAL"),
     }
 
 
@@ -179,40 +162,10 @@ def as_number(text: str) -> int | float | str:
     return text
 
 
-def made_with() -> dict[str, str]:
-    """What floats may depend on in their last digits."""
-    blas = sorted({f"{pool['internal_api']} {pool.get('architecture', '')}" for pool in threadpool_info()})
-    return {"numpy": np.__version__, "scipy": scipy.__version__, "machine": platform.machine(), "blas": ", ".join(blas)}
-
-
-def differences(pinned: Any, found: Any, rel: float, where: str = "") -> Iterator[str]:
-    """One line for each place where ``found`` is not ``pinned``. Keys may be added and floats may differ by ``rel``."""
-    if isinstance(pinned, dict) and isinstance(found, dict):
-        for key, value in pinned.items():
-            if key == "made_with":
-                continue
-            if key in found:
-                yield from differences(value, found[key], rel, f"{where}/{key}")
-            else:
-                yield f"{where}/{key}: is missing"
-    elif isinstance(pinned, list) and isinstance(found, list):
-        if len(pinned) != len(found):
-            yield f"{where}: {len(found)} entries, pinned are {len(pinned)}"
-        for i, (one, other) in enumerate(zip(pinned, found, strict=False)):
-            yield from differences(one, other, rel, f"{where}/{i}")
-    elif isinstance(pinned, float) and isinstance(found, float):
-        if not math.isclose(pinned, found, rel_tol=rel, abs_tol=LEAST):
-            yield f"{where}: {found!r}, pinned is {pinned!r}"
-    elif pinned != found:
-        yield f"{where}: {found!r}, pinned is {pinned!r}"
-
-
 def check(name: str, folder: Path) -> list[str]:
     """The differences of one session from its file."""
     pinned = json.loads((HERE / f"{name}.json").read_text(encoding="utf-8"))
-    found = json.loads(json.dumps(record(name, folder)))
-    rel = SAME_MACHINE_REL if pinned["made_with"] == found["made_with"] else OTHER_MACHINE_REL
-    return [f"{name}{line}" for line in differences(pinned, found, rel)]
+    return [f"{name}{line}" for line in differences(pinned, record(name, folder))]
 
 
 def run(names: list[str], checking: bool) -> int:
@@ -224,7 +177,7 @@ def run(names: list[str], checking: bool) -> int:
                 print("\n".join(lines) if lines else f"{name}: as pinned")
                 failed |= bool(lines)
             else:
-                text = json.dumps(record(name, Path(folder)), indent=1)
+                text = json.dumps(record(name, Path(folder)), indent=1, ensure_ascii=False)
                 (HERE / f"{name}.json").write_text(text + "\n", encoding="utf-8")
                 print(f"{name}: recorded")
     return int(failed)

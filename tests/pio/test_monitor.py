@@ -48,6 +48,12 @@ def test_an_error_says_what_to_do(monitor: Any) -> None:
     assert shown == "     1.500 s  sensor 1  ERROR bus_nack (-1): check wiring and power\n"
 
 
+def test_a_sentence_is_read_behind_the_noise_of_a_boot(monitor: Any) -> None:
+    shown = monitor.rx("\ufffd\x00\ufffd" + sentence("ACK,2,2000000,0,cmd=stop"))
+    assert shown == "? skipped: \ufffd\x00\ufffd\n     2.000 s  sensor 0  ACK cmd stop\n"
+    assert monitor.rx("noise$ACK,2,2,0,cmd=stop*0000\n") == "noise$ACK,2,2,0,cmd=stop*0000\n"
+
+
 def test_chunks_of_any_size_give_the_same_lines(monitor: Any) -> None:
     text = "# boot\r\n" + sentence("STA,1,1,0,state=idle,face=,n=0") + ">gx:1.5\n" + sentence("ACK,2,2,0,cmd=stop")
     whole = "# boot\n     0.000 s  sensor 0  STA state idle, face -, n 0\n>gx:1.5\n     0.000 s  sensor 0  ACK cmd stop\n"

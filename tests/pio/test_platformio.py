@@ -1,5 +1,6 @@
 """PlatformIO: every environment is valid; the native one builds, passes its tests and its checks, and fails when it should."""
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -38,10 +39,13 @@ def test_configuration_is_valid(pio: Pio, project: Path) -> None:
 def test_boards_and_pins(pio: Pio, project: Path) -> None:
     """Each board's environment names its pins; the platform's version is pinned."""
     shown = pio("project", "config", cwd=project).stdout
-    for name in ("thing_plus_micro_b", "thing_plus_usb_c", "esp32_c3", "esp32_s3"):
+    for name in ("thing_plus_micro_b", "thing_plus_usb_c", "esp32_c3", "esp32_s3", "esp32_s3_usb"):
         text = shown.partition(f"env:{name}\n")[2].partition("\nenv:")[0]
         assert "espressif32@6.5.0" in text, shown
         assert "921600" in text
+        assert re.search(r"monitor_echo += +(yes|True)", text)  # what is typed is seen
+        assert "esp32_exception_decoder" in text
+        assert ("-DARDUINO_USB_CDC_ON_BOOT=1" in text) == name.endswith("_usb")
         assert all(flag in text for flag in ("-DGYROCAL_SDA=", "-DGYROCAL_SCL=", "-ffp-contract=off", "LED="))
 
 

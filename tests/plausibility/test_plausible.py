@@ -217,6 +217,9 @@ def test_a_dead_axis_that_nobody_turns_about_is_left_out() -> None:
     found = diagnose(session)
     assert found.verdict == "adequate"
     assert {c.axis for c in found.candidates} == {"y", "z"}
+    compared = found.comparison
+    assert [row[0] for row in level_rows(compared)] == ["x (not judged)", "y", "z", "all (without x)"]
+    assert compared.pooled.rms_dps == pytest.approx(np.hypot(*(compared.per_axis[a].rms_dps for a in "yz")) / 2**0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("noise_counts", [0.0, 0.2])

@@ -14,7 +14,7 @@ from gyrocal.units import CELSIUS, IN_FILES, to_read
 HOST = Path(__file__).resolve().parents[2] / "host/gyrocal"
 SPELLED = {
     "units.py",
-    "guess.py", "column_map.py", "text.py",  # of mappings and of the headers of files
+    "guess.py", "column_map.py", "column_names.py", "text.py",  # of mappings and of the headers of files
     "ardupilot.py", "px4.py",  # parameter files
 }  # fmt: skip
 
@@ -38,6 +38,7 @@ def test_a_sentence_is_seen() -> None:
     assert strings('"""degC"""\nA = f"{1} degC"\nB = Parameter("k", "dps/degC", "per degC")') == [" degC", "k", "per degC"]
 
 
+@pytest.mark.slow
 def test_sizes_are_read_in_one_unit_and_written_in_the_other() -> None:
     session, _ = simulate(None, "full", ["bias_temperature"], 3, scenarios=1, seconds=20.0)
     found = diagnose(session)

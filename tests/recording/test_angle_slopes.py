@@ -63,6 +63,7 @@ def tracked(seed: int, *, interpolated: bool, burst: float = 1.0) -> Session:
     return make_session(run, reference=Reference())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interpolated", [True, False])
 def test_a_slower_tracker_gives_a_scale_without_attenuation(interpolated: bool) -> None:
     session = tracked(1, interpolated=interpolated)
@@ -89,6 +90,7 @@ def test_the_steadier_rate_has_the_error_that_it_says() -> None:
         assert abs(np.polyfit(seen[slow], true[slow], 1)[0] - 1) < 0.03  # a spline's slope attenuates it by a tenth and more
 
 
+@pytest.mark.slow
 def test_moments_in_which_a_tracker_is_noisy_are_told_and_left_out() -> None:
     session = tracked(3, interpolated=True, burst=8.0)
     measured = session.runs[0].measured_rates

@@ -210,8 +210,8 @@ def test_an_empty_cell_is_missing_where_a_session_allows_it(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("t,x,y,z\n0,1,2,3\n1,1,2\n", "row 3: z is empty"),
-        ("t,x,y,z\n0,1,2,3\n1,1,2,3,4\n2,1,2,3\n", "row 3: t is 'in a row of too many cells'"),
+        ("t,x,y,z\n0,1,2,3\n1,1,2\n", "row 3: 3 cells, and the table has 4 in a row; 1 of 2 rows are so. Correct"),
+        ("t,x,y,z\n0,1,2,3\n1,1,2,3,4\n2,1,2,3\n", "row 3: 5 cells, and the table has 4 in a row; 1 of 3 rows are so"),
         ("t,x,y,z\n0,1,2,3\n1,1,oops,3\n", "row 3: y is 'oops'"),
         ("t,x,y,z\n0,1,2,3\n1,1,nan,3\n", "row 3: y is 'nan'"),
         ("k,v\nt,x,y,z\n0,1,2,3\n1,1,,3\n", "row 4: y is empty"),

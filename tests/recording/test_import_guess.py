@@ -244,3 +244,39 @@ def test_a_column_named_as_a_time_that_goes_to_and_fro_is_none() -> None:
     table = columns(["t", *xyz("gyro_")], 300, 1.0, 1)
     warm = np.random.default_rng(1).normal(25.0, 0.05, N)
     assert not [g for g in guess(Source("log.csv", table.with_columns(pl.Series("t", warm))), Scaling()) if "t_s=" in g.map]
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [(["wx", "wy", "wz"], "w"), (["omega_x", "omega_y", "omega_z"], "omega_"), (["rot_x", "rot_y", "rot_z"], "rot_"),
+     (["rotX", "rotY", "rotZ"], "rot"), (["gyroADC_x", "gyroADC_y", "gyroADC_z"], "gyroADC_")],
+)  # fmt: skip
+def test_names_of_rates(names: list[str], stem: str) -> None:
+    maps = {g.map for g in guess(Source("a.csv", columns(["t", *names], 300, 1, 1)), Scaling())}
+    assert f"gx_dps={names[0]}:dps" in maps, stem
+    assert f"gz_dps={names[2]}:dps" in maps
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (["p", "q", "r", "phi", "theta", "psi"], True),
+        (["p", "q", "r", "ax", "ay", "az"], True),
+        (["p [rad/s]", "q [rad/s]", "r [rad/s]"], True),
+        (["p", "q", "r"], False),
+        (["p", "q", "phi"], False),
+        (["p", "q", "r", "pressure"], False),
+        (["rot_x", "rot_y", "rot_z", "rot_w"], False),
+        (["rot_x (deg)", "rot_y (deg)", "rot_z (deg)"], False),
+        (["bias_gyro_x", "bias_gyro_y", "bias_gyro_z"], False),
+    ],
+)
+def test_letters_and_rotations_are_rates_only_beside_other_evidence(names: list[str], taken: bool) -> None:
+    source = Source("a.csv", columns(["t", *names], 3, 9.81, 1))
+    if taken:
+        maps = {g.map for g in guess(source, Scaling())}
+        unit = ":rad/s" if "[" in names[0] or "ax" in names else ":dps"
+        assert {f"gx_dps={names[0]}{unit}", f"gy_dps={names[1]}{unit}", f"gz_dps={names[2]}{unit}"} <= maps
+    else:
+        with pytest.raises(InputError, match="no gyroscope is recognized"):
+            guess(source, Scaling())

@@ -15,6 +15,8 @@ from gyrocal.inference.fit import fit
 from gyrocal.plausibility import of_fit
 from gyrocal.recording.session import Session
 
+pytestmark = pytest.mark.slow
+
 
 def scale_of(session: Session) -> tuple[float, float, dict[str, Any]]:
     told = compare(session).to_json()

@@ -65,6 +65,8 @@ def test_a_fit_does_not_feel_them() -> None:
             assert abs(a.values[name] - b.values[name]) < 0.5 * a.se[name] + 1e-12, (a.effect_id, name)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("known_answers")
 def test_they_are_shown_named_and_explained() -> None:
     session = simulate(None, "paper", ["bias_jumps:size_dps=3,outliers=0.0005"], 5, scenarios=3, seconds=20)[0]
     comparison = compare(session)

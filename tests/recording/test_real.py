@@ -140,6 +140,7 @@ def explained(chamber: Session) -> Explanation:
     return explain(chamber)
 
 
+@pytest.mark.slow
 def test_thermal_chamber_is_explained(explained: Explanation) -> None:
     """y follows a curve over temperature; on x a curve and a loop are certain only together."""
     named = {(effect, axis) for step in explained.steps for effect in step.effects for axis in step.axes}
@@ -163,6 +164,7 @@ def commands(page: str) -> list[tuple[list[str], str]]:
     return [(c.replace("\\\n", " ").split()[1:], out) for (c, _), out in zip(found, shown, strict=True) if c]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_the_pages_show_what_the_commands_print(
     page: str, explained: Explanation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -248,6 +250,7 @@ def broad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, dict[str, 
     return Session.open(folder / "broad"), part
 
 
+@pytest.mark.slow
 def test_motion_capture_agrees_with_a_plain_least_squares_fit(broad: tuple[Session, dict[str, np.ndarray]]) -> None:
     session, raw = broad
     model = Model.builtin("default")

@@ -113,6 +113,7 @@ def with_beat(seconds: float) -> Session:
     return plain.with_runs(dataclasses.replace(run, frame=disturbed(run)) for run in plain.runs)
 
 
+@pytest.mark.slow
 def test_a_new_variable_is_probed_kept_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     session = with_beat(42)
     monkeypatch.setitem(variables(), Beat.name, Beat)

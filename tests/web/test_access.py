@@ -76,8 +76,117 @@ def test_a_phone_needs_no_sideways_scrolling(served: Any, look: Callable[..., An
         assert page.evaluate(f"{narrow}.map(e => e.outerHTML.slice(0, 150))") == [], name
 
 
+CUT = """() => [...document.querySelectorAll('.content *')].filter(e => e.checkVisibility() && e.clientWidth
+        && !e.closest('.unseen, svg, .nicegui-echart, .q-uploader__input'))
+    .filter(e => {
+        if (e.getBoundingClientRect().right <= innerWidth + 1) return false;
+        for (let p = e.parentElement; p; p = p.parentElement)
+            if (['auto', 'scroll'].includes(getComputedStyle(p).overflowX)) return false;
+        return true;
+    }).map(e => e.outerHTML.slice(0, 120))"""
+"""What reaches beyond the window and cannot be scrolled to."""
+COLLIDING = """() => [...document.querySelectorAll('.nicegui-echart')].filter(e => e.checkVisibility()).flatMap(e => {
+    const chart = getElement(Number(e.id.slice(1))).chart;
+    const texts = chart.getZr().storage.getDisplayList(true).filter(
+        d => d.type === 'tspan' && !d.invisible && /^-?[0-9.]+$/.test(d.style.text)).map(d => {
+        const r = d.getBoundingRect().clone();
+        if (d.transform) r.applyTransform(d.transform);
+        return [d.style.text, r];
+    });
+    const near = (a, b) => Math.min(a.x + a.width, b.x + b.width) > Math.max(a.x, b.x) && Math.abs(a.y - b.y) < 12;
+    return texts.flatMap(([one, a], i) => texts.slice(0, i).filter(([, b]) => near(a, b)).map(([other]) => [one, other]));
+})"""
+"""Numbers of 11 px beside an axis that stand less than a line apart."""
+
+
+def test_a_phone_cuts_nothing_off_and_its_ticks_stand_apart(served: Any, look: Callable[..., Any]) -> None:
+    page = look(served.url)
+    page.set_viewport_size({"width": 390, "height": 844})
+    for name in PAGES:
+        settled(page, served.url, name)
+        page.wait_for_timeout(300)
+        assert page.evaluate(CUT) == [], name
+        assert page.evaluate(COLLIDING) == [], name
+
+
+def test_a_long_command_and_a_wide_table_stay_on_a_phone(served: Any, look: Callable[..., Any]) -> None:
+    """A path has no spaces to break it at, and only some tables could be scrolled."""
+    page = look(served.url)
+    page.set_viewport_size({"width": 390, "height": 844})
+    settled(page, served.url, "calibrate")
+    put = """() => {
+        const cells = "<td>0.123456789</td>".repeat(20);
+        const [pre, div] = ["pre", "div"].map(name => document.createElement(name));
+        pre.className = "command";
+        pre.textContent = "/a/long/path".repeat(12);
+        div.innerHTML = `<table class=plain><tbody><tr>${cells}</tr></tbody></table>`;
+        document.querySelector("[aria-label='files']").append(pre, div);
+        return pre.scrollWidth - pre.clientWidth;
+    }"""
+    assert page.evaluate(put) <= 0
+    assert page.evaluate(CUT) == []
+
+
+def test_few_stops_of_the_tab_key_lead_to_the_plot(served: Any, look: Callable[..., Any]) -> None:
+    """Each run and each view was a stop: 42 came before the plot."""
+    page = look(served.url)
+    settled(page, served.url, "compare")
+    page.keyboard.press("Tab")
+    skip = page.get_by_role("button", name="Skip to the plot")
+    assert skip.evaluate("e => e === document.activeElement && e.getBoundingClientRect().top >= 0")
+    stops = 1
+    while not page.evaluate("Boolean(document.activeElement.closest('.over'))"):
+        page.keyboard.press("Tab")
+        stops += 1
+        assert stops < 16
+    page.keyboard.press("Shift+Tab")
+    assert page.evaluate("document.activeElement.innerText") == "x"
+    page.keyboard.press("End")
+    assert page.evaluate("document.activeElement.innerText") == "Allan"
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.innerText") == "Allan"  # the stop is where it was left
+    skip.focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.matches('.plots')")
+
+
+def test_what_has_the_focus_has_one_ring(served: Any, look: Callable[..., Any]) -> None:
+    page = look(served.url)
+    settled(page, served.url, "diagnose")
+    page.get_by_role("textbox", name="name of a new branch").focus()
+    page.keyboard.press("a")
+    ring = "getComputedStyle(document.activeElement).outlineStyle"
+    assert page.evaluate(ring) == "none"  # its field draws one
+    page.keyboard.press("Tab")
+    assert page.evaluate(ring) == "solid"
+
+
+def test_dark_is_kept_for_the_next_visit(served: Any, look: Callable[..., Any]) -> None:
+    page = look(served.url, color_scheme="light")
+    dark = "document.body.classList.contains('body--dark')"
+    for expected in (True, False):
+        settled(page, served.url, "start")
+        page.get_by_role("button", name="light or dark").click()
+        page.wait_for_function(f"() => {dark} === {str(expected).lower()}")
+        settled(page, served.url, "compare")
+        page.wait_for_function(f"() => {dark} === {str(expected).lower()}")
+    assert "gyrocal-dark" not in page.evaluate("document.cookie")  # it follows the system again
+
+
 def test_reduced_motion_stands_still(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start", reduced_motion="reduce")
     page.get_by_role("button", name="Open").first.wait_for()
     moving = "[...document.querySelectorAll('*')].filter(e => /[1-9]/.test(getComputedStyle(e).transitionDuration)).length"
     assert page.evaluate(moving) == 0
+
+
+def test_the_bars_are_in_sight_beside_the_picture(served: Any, look: Callable[..., Any]) -> None:
+    """They stood below the large picture of the effect, and at 1280x800 their lower half was out of sight."""
+    page = look(served.url)
+    page.set_viewport_size({"width": 1280, "height": 800})
+    settled(page, served.url, "diagnose")
+    page.get_by_role("button", name="Find what is missing").click()
+    page.locator(".hero-picture canvas").wait_for()
+    box = page.locator('[aria-label^="excess error, mdps:"]').bounding_box()
+    assert box["y"] + box["height"] <= 500  # with another line of effects and the parameters above them, still in sight

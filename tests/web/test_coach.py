@@ -13,7 +13,7 @@ import pytest
 
 from gyrocal.device.outlet import TcpOutlet
 from gyrocal.device.wire import PROTOCOL, encode
-from gyrocal.web.coach import ANSWER_HZ, FLIP_HZ, advice, answer, words
+from gyrocal.web.coach import ANSWER_HZ, FLIP_HZ, advice, aim, answer, words
 
 from .test_charts import CHART, able, downloaded
 
@@ -41,6 +41,12 @@ def sensor(state: str, **more: Any) -> dict[str, Any]:
 def test_it_says_what_to_do_now(status: dict[str, Any], stage: str, said: str) -> None:
     found = advice(status, replays=False, ended=False)
     assert (found.stage, said in found.tell) == (stage, True), found
+
+
+def test_what_is_beyond_its_aim_is_not_a_part_of_it() -> None:
+    """The ring said "65.1 s of 6 s"."""
+    assert [aim(run_s, 6.0, "s") for run_s in (0.0, 6.0, 65.1)] == ["of 6 s", "of 6 s", "6 s needed"]
+    assert aim(18, 15, "rests") == "15 rests needed"
 
 
 def test_nobody_is_told_to_flip_a_simulated_sensor() -> None:

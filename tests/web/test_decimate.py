@@ -123,7 +123,7 @@ def test_nothing_is_drawn_between_two_recordings(tmp_path: Path, rows: int) -> N
 
 
 def model(folder: Path) -> ModelView:
-    return ModelView("", {}, "", [], "mdps", [], [], folder, [], None, [], {}, {}, {}, {})
+    return ModelView("", {}, "", [], "mdps", [], [], {}, folder, [], None, [], {}, {}, {}, {})
 
 
 def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:

@@ -44,6 +44,27 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
     assert '"held"' in (Path(served.folder) / "warm" / "workbench.json").read_text()
 
 
+def test_a_refusal_stands_beside_the_field_and_typing_filters(served: Any, look: Callable[..., Any]) -> None:
+    """It named the effect by its id in a toast that lay over the field, and the list had to be scrolled."""
+    page = look(f"{served.url}diagnose")
+    field = page.get_by_role("combobox", name="effect")
+    field.click()
+    page.get_by_role("option").nth(5).wait_for()
+    field.press_sequentially("clip")
+    page.wait_for_function("() => document.querySelectorAll('[role=option]').length === 1")
+    page.get_by_role("option", name="Clipping at full scale").click()
+    page.get_by_role("button", name="Try it").click()
+    told = page.locator(".face", has=page.get_by_role("button", name="Try it")).get_by_role("status")
+    told.get_by_text("Clipping at full scale was not added: this session does not show it").wait_for()
+    assert not page.locator(".q-notification").is_visible()
+    field.fill("sensitivity to gravity")
+    page.get_by_role("option", name="Sensitivity to gravity").click()
+    page.get_by_role("button", name="Try it").click()
+    card = page.locator("article.card", has_text="in the model, not proven")
+    card.get_by_text(re.compile(r"gz_dps_per_g -?[\d.e-]+ ± [\d.e-]+ dps/g")).wait_for()
+    card.get_by_text(re.compile(r"on [xyz], \|gz_dps_per_g\| is below [\d.e-]+ dps/g at 95 %")).first.wait_for()
+
+
 def test_every_effect_of_the_library_is_offered(served: Any, look: Callable[..., Any]) -> None:
     from gyrocal.effects.base import effects
 

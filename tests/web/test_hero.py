@@ -39,6 +39,16 @@ def test_the_curve_lies_through_the_means_whatever_the_bias_does(offset_dps: flo
     assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
 
 
+def test_blocks_that_an_effect_does_not_see_are_not_drawn() -> None:
+    """A signal that was unknown in a run ended in no curve at all, or in an error."""
+    of = points(4000)
+    signal = of["z"].copy()
+    signal[-20:] = np.nan
+    shown = picture("z", signal, of, {0: "000_up.csv"})
+    assert shown is not None
+    assert np.isfinite(shown.curve).all()
+
+
 def test_jumps_are_shown_against_time_though_a_run_knows_better_variables() -> None:
     """Within a run the temperature rises steadily, so that the steps of the bias stood against the temperature."""
     of = points(4000)
@@ -222,6 +232,36 @@ def test_an_effect_is_drawn_against_a_variable_of_its_equation() -> None:
     other = picture("z", 0.02 * np.sin(2 * np.pi * since_s / 15), of, {}, equation=GSensitivity.equation)
     assert other is not None
     assert other.view == "power_on_time"  # what is no function of its own variable here is drawn as before
+
+
+def test_a_bin_without_neighbours_has_its_line() -> None:
+    """Of means at +150 dps beside many others, the band was drawn and the line was not."""
+    rng = np.random.default_rng(5)
+    of = points(4000)
+    rate_dps = np.where(np.arange(4000) < 3900, rng.uniform(-150.0, 40.0, 4000), 150.0)
+    of |= {"rate_z": rate_dps, "run": np.arange(4000) // 100, "z": 3e-4 * rate_dps}
+    panel = next(p for p in panels() if p.name == "rate")
+    shown = picture("z", of["z"], of, {})
+    assert shown is not None
+    assert not shown.few
+    for series in (
+        plots.folded(charts.LIGHT, of, panel, range(40), ["z"])["series"],
+        charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"])["series"],
+    ):  # fmt: skip
+        line = next(s["data"] for s in series if s["type"] == "line" and s["name"] in ("mean of all", charts.EFFECT))
+        *_, gap, low, high = line
+        assert gap[1] is None  # nothing was measured between
+        assert low[0] < 150.0 < high[0]
+        assert low[1] == high[1] == pytest.approx(45.0, rel=0.01)
+
+
+def test_runs_that_lack_the_data_of_an_effect_leave_no_hole_in_its_curve() -> None:
+    of = points(4000)
+    signal = of["z"].copy()
+    signal[2000:2200] = np.nan
+    shown = picture("z", signal, of, {0: "000_up.csv"})
+    assert shown is not None
+    assert np.isfinite([*shown.curve, *shown.left, *shown.se]).all()
 
 
 def test_an_effect_that_acts_only_where_there_is_no_residual_has_no_picture() -> None:

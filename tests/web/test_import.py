@@ -65,6 +65,7 @@ def test_the_wizard_writes_the_session_that_was_shown(
     page.locator("input[type=file]").set_input_files(foreign / "table.csv")
     becomes = page.locator("[aria-label='what it would become']")
     becomes.get_by_text("gyr_z:rad/s").wait_for()
+    assert not page.get_by_text("This folder has no file").is_visible()  # it stayed under an upload that worked
     becomes.get_by_text("its true rate is not known; give the table rate (0 at rest)").wait_for()
     assert "--" not in becomes.inner_text()  # the page has fields, not options
     page.get_by_role("radio", name="by hand between rests").click()

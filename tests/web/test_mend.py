@@ -70,6 +70,28 @@ def test_the_offered_way_takes_the_warning_away(tmp_path: Path, name: str) -> No
         assert (folder / KEPT_AS).read_text() == before
 
 
+@pytest.mark.parametrize("rows", [1, 3])
+def test_the_first_samples_can_be_dropped(tmp_path: Path, rows: int) -> None:
+    """"Drop the first sample" was an advice without a button."""
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=5.0)
+    off = pl.when(pl.int_range(pl.len()) < rows).then(pl.col("gx_dps") + 4.0).otherwise(pl.col("gx_dps")).alias("gx_dps")
+    spoiled = [
+        replace(r, path=None, frame=r.table.with_columns(off)) if r.file == "008_down.csv" else r for r in session.runs
+    ]  # fmt: skip
+    folder = tmp_path / "slip"
+    session.with_runs(spoiled).save(folder)
+    (way, *_) = offered(folder, "first_sample")
+    assert way.kind == "drop_first"
+    assert "008_down.csv" in way.told
+    mended = Session.open(apply(folder, way, lambda: tmp_path / "mended"))
+    assert not [w for w in check(mended) if w.code == "first_sample"]
+    for before, after in zip(Session.open(folder).runs, mended.runs, strict=True):
+        gone = rows if before.file == "008_down.csv" else 0
+        assert len(after) == len(before) - gone
+        assert after.power_on_s == pytest.approx(before.power_on_s + gone / before.sample_rate_hz, abs=1e-3)
+        assert np.array_equal(after.gyro_dps, before.gyro_dps[gone:])
+
+
 def test_an_accepted_warning_stays_and_no_longer_blocks(tmp_path: Path) -> None:
     session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=5.0)
     folder = tmp_path / "slip"
@@ -87,11 +109,11 @@ def test_every_offer_says_what_is_written() -> None:
     ways = mends(warning, [])
     assert [m.kind for m in ways] == ["face", "leave_out", "accept"]
     assert all(m.told.endswith(".") and ("session.toml" in m.told or "files stay" in m.told) for m in ways)
-    assert mends({"code": "first_sample", "axis": None, "file": None, "text": "", "blocking": False}, []) == []
+    assert mends({"code": "sample_rate", "axis": None, "file": None, "text": "", "blocking": False}, []) == []
 
 
 def test_the_only_run_in_the_fits_is_not_offered_to_be_left_out() -> None:
-    warning = {"code": "first_sample", "axis": "x", "file": "1.csv", "text": "", "blocking": False}
+    warning = {"code": "clipped", "axis": "x", "file": "1.csv", "text": "", "blocking": False}
     assert [m.kind for m in mends(warning, [])] == ["leave_out"]
     assert [m.kind for m in mends(warning, [], last_run="2.csv")] == ["leave_out"]
     assert mends(warning, [], last_run="1.csv") == []

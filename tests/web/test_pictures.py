@@ -104,7 +104,7 @@ def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callab
     assert page.evaluate(f"{HERO}.getOption().animation") is True
     assert max(before) - min(before) > 150  # mdps, of the planted 124
     card.get_by_role("button", name="Add to the model").click()
-    page.get_by_text("The model fits: what is left over is noise.").wait_for()
+    page.get_by_text("The model is adequate: what is left over is noise.").wait_for()
     page.wait_for_function(f"() => Math.max(...{points}.map(Math.abs)) < 40")
     assert len(page.evaluate(points)) == len(before)
     heading = page.evaluate(f"{HERO}.getOption().title.map(t => t.text)")

@@ -30,7 +30,7 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.web import charts
 from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.fall import Levels
-from gyrocal.web.models import Recipe, Step
+from gyrocal.web.models import BY_HAND, Recipe, Step
 from gyrocal.web.report import correlated, page
 from gyrocal.web.state import Workbench
 from gyrocal.web.told import Change, story
@@ -83,28 +83,61 @@ def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> Non
         return Levels(squares, dict.fromkeys("xyz", floor), 9, 3)
 
     on = [{"effect": "bias", "axis": a} for a in "xyz"] + [{"effect": "drift", "axis": a} for a in "xy"]
-    recipe = Recipe("[after]", effect="drift", title="Drift")
+    recipe = Recipe("[after]", effect="drift", title="Drift", cards=tuple(cards))
     view = NS(
-        compared={"parameters": on}, effects=[("drift", "Drift", True)], levels=levels({"x": 0.03, "y": 0.01, "z": 0.0})
-    )
+        compared={"parameters": on}, effects=[("drift", "Drift", True)], levels=levels({"x": 0.03, "y": 0.01, "z": 0.0}),
+        sizes={"drift": {"x": "k 1 ± 0.1", "y": "k 2 ± 0.1"}},
+    )  # fmt: skip
     after = Step(recipe, cast(Any, view))
     before = Step(Recipe("[before]"), cast(Any, NS(levels=levels({"x": 0.05, "y": 0.05, "z": 0.0}))))
-    changes = story([before, after], cast(Any, {"[before]": NS(cards=cards)}))
+    changes = story([before, after])
     assert [c.judged["axis"] for c in changes[0].cards] == ["y", "x"]
     # what it did remove, and not what was expected of it alone
     assert [c.judged["explained"] for c in changes[0].cards] == pytest.approx([1 - 0.2**2, 1 - 0.6**2])
 
 
-def test_an_effect_whose_evidence_was_not_kept_has_its_axes_and_its_doubt(folder: Path) -> None:
-    """A session that is opened again knows what was added and what speaks against it, and not the cards of before."""
-    added = Change("drift", "Drift", False, "", ("not proven by these runs",), (), axes=("x", "z"))
+def test_the_evidence_comes_back_with_the_session(folder: Path, reports: tuple[str, str]) -> None:
+    """Picture, size and reasons were gone when the session was opened again, and the report said that they were not kept."""
+    texts: list[str | None] = []
+
+    async def again() -> None:
+        bench = Workbench([folder], lambda topic: None)
+        try:
+            await bench.open("hidden")
+            kept = bench.steps[-1].recipe
+            assert [card.judged["axis"] for card in kept.cards] == ["z"]
+            assert kept.picture is not None
+            assert kept.picture.view in bench.steps[-1].view.against
+            assert kept.cards[0].size
+            texts.append(await bench.report())
+        finally:
+            bench.close()
+
+    finish(again())
+    assert texts[0] is not None
+    story_of = [words(text).split("What was changed")[1].split("What is left")[0] for text in (reports[1], texts[0])]
+    assert story_of[0] == story_of[1]
+    pictures_of = [re.findall(r'alt="Ripple of[^"]+" src="([^"]+)"', text) for text in (reports[1], texts[0])]
+    assert pictures_of[0] == pictures_of[1]
+    assert len(pictures_of[0]) == 1
+
+
+def test_an_effect_added_by_hand_has_its_axes_its_sizes_and_its_doubt(folder: Path) -> None:
+    """Nothing was said of its size."""
+    sizes, limits = (("x", "k 1.0 ± 0.5 dps/s"), ("z", "k 2.0 ± 0.5 dps/s")), ("on y, |k| is below 0.3 dps/s at 95 %",)
+    doubts = (BY_HAND,)
+    added = Change("drift", "Drift", False, "", doubts, (), axes=("x", "z"), sizes=sizes, limits=limits)
     removed = Change("drift", "Drift", True, "", (), ())
     found = compare(Session.open(folder / "hidden"), Model.open("paper"))
     told = words(page("hidden", found, None, [added], None, None))
     assert "Not proven: Drift." in told
     assert "Added: Drift on x, z" in told
-    assert "The evidence was not kept" in told
-    assert "In doubt: not proven by these runs." in told
+    assert "It was added by hand" in told
+    assert "size on z k 2.0 ± 0.5 dps/s" in " ".join(told.split())
+    assert limits[0] in told
+    assert f"In doubt: {BY_HAND}." in told
+    earlier = words(page("hidden", found, None, [replace(added, doubts=("not proven",))], None, None))
+    assert "It was added in an earlier version, which did not keep the evidence." in earlier
     assert "Not proven" not in words(page("hidden", found, None, [added, removed], None, None))
 
 

@@ -96,7 +96,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     card = diagnoses(page, cli(folder, "diagnose", "hidden"))
     assert shown_excess(page) == [excess]
     card.get_by_role("button", name="Add to the model").click()
-    page.get_by_text("The model fits: what is left over is noise.").wait_for()
+    page.get_by_text("The model is adequate: what is left over is noise.").wait_for()
     assert shown_excess(page) == [before, after]
     assert page.get_by_text(f"The excess error within power cycles went from {before} to {after} mdps.").is_visible()
     in_all = " → ".join(mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
@@ -111,7 +111,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     card.get_by_role("button", name="Add to the model").wait_for()
     assert shown_excess(page) == [excess]
     page.get_by_role("button", name="Redo").click()
-    page.get_by_text("The model fits: what is left over is noise.").wait_for()
+    page.get_by_text("The model is adequate: what is left over is noise.").wait_for()
     assert shown_excess(page) == [before, after]
 
     calibrates(page, cli(folder, "calibrate", "hidden", "--model", "m.toml")["estimates"])
@@ -176,7 +176,7 @@ def exports(page: Any, folder: Path, excess: list[str]) -> None:
 
 def another_tab_follows(page: Any, other: Any, url: str, excess: list[str]) -> None:
     """Another tab sees the same model, and what one removes the other sees gone."""
-    other.get_by_text("The model fits: what is left over is noise.").wait_for()
+    other.get_by_text("The model is adequate: what is left over is noise.").wait_for()
     assert other.evaluate("document.body.classList.contains('body--dark')")
     page.goto(f"{url}diagnose")
     page.get_by_role("button", name="remove Ripple of the table's speed").click()

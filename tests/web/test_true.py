@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -78,7 +79,9 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     """The excess is that of the planted wave, before it is added as after; the bars are the figures of `gyrocal add --json`."""
     bench, recording, view, _ = ripple
     alone = fall([("model at first", view.levels)])
-    before, after = bench.add(recording, "default", "table_ripple", silent)
+    tried = bench.add(recording, "default", "table_ripple", "Ripple", silent)
+    before, after = tried.before, tried.view
+    assert after is not None
     both = fall([("model at first", view.levels), ("ripple", after.levels)])
     assert alone is not None
     assert both is not None
@@ -106,7 +109,8 @@ def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     left, curve, se = (np.array(v) for v in (shown.left, shown.curve, shown.se))
     assert np.ptp(curve) / 2 == pytest.approx(1e3 * AMPLITUDE_DPS, rel=0.1)
     assert np.mean(np.abs(left - curve) < 2 * se) > 0.8  # the band is where the means lie
-    _, after = bench.add(recording, "default", "table_ripple", silent)
+    after = bench.add(recording, "default", "table_ripple", "Ripple", silent).view
+    assert after is not None
     traces = Traces(bench.opened.open(recording.path, silent))
     traces.take(after)
     flat = np.array(left_now(shown, traces.points))
@@ -254,13 +258,45 @@ def test_a_run_left_out_is_left_out_of_the_fit_alone(ripple: tuple[Bench, Record
 
 
 def test_models_are_kept_with_the_session(tmp_path: Path) -> None:
-    second = Recipe("[model]\n", "drift", "Drift", doubts=(BY_HAND,))
+    shown = Picture("face", "z", "face", None, "", [-1.0, 0.0, 1.0], [-1.0, 1.0], [-5.0, 5.0], [1.0, 1.0], [-5.0, 5.0],
+                    few=True, marks={-1.0: "down", 1.0: "up"})  # fmt: skip
+    judged = {"effect": "drift", "axis": "z", "decision": "add", "explained": None}
+    card = Card(judged, "Drift", "Something.", "k·t", [], "k 1 ± 0.1", [], within=True, picture=shown)
+    second = Recipe("[model]\n", "drift", "Drift", doubts=(BY_HAND,), cards=(card,), limits=("on x, |k| is below 1",))
     kept = Models({"first": (Recipe("default"),), "mine": (Recipe("default"), second)}, "mine", frozenset({"000_up.csv"}))
     assert write_models(tmp_path, kept) == ""
     assert read_models(tmp_path) == kept
     (tmp_path / "workbench.json").write_text('{"format": "gyrocal-workbench/1", "models": 7}')
     assert read_models(tmp_path) == Models()
     assert "cannot be kept" in write_models(tmp_path / "workbench.json", kept)
+
+
+def test_models_of_an_earlier_version_are_read(tmp_path: Path) -> None:
+    old = {"source": "default", "effect": "", "title": "model at first", "removed": False, "formula": "", "doubts": []}
+    text = json.dumps({"format": "gyrocal-workbench/1", "current": "first", "excluded": [], "models": {"first": [old]}})
+    (tmp_path / "workbench.json").write_text(text)
+    assert read_models(tmp_path) == Models()
+
+
+def test_what_is_tried_has_its_size_and_what_is_not_found_its_limit(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    """A refusal named the effect by its id; of what was added no size was told, and of what was not found no limit."""
+    bench, recording, _, found = ripple
+    clipped = bench.add(recording, "default", "saturation", "Clipping at full scale", silent)
+    assert clipped.view is None
+    assert clipped.refused.startswith("Clipping at full scale was not added: this session does not show it")
+    tried = bench.add(recording, "default", "g_sensitivity", "Sensitivity to gravity and acceleration", silent)
+    assert tried.view is not None
+    (axis,) = tried.view.sizes["g_sensitivity"]
+    assert re.fullmatch(r"gz_dps_per_g -?[\d.e-]+ ± [\d.e-]+ dps/g", tried.view.sizes["g_sensitivity"][axis])
+    assert {told.split(",")[0] for told in tried.limits} == {"on x", "on y"}  # it is not fitted on z
+    told = re.fullmatch(r"on x, \|gz_dps_per_g\| is below ([\d.e-]+) dps/g at 95 %", min(tried.limits))
+    assert told is not None
+    card = next(c for c in found.cards if (c.judged["effect"], c.judged["axis"]) == ("g_sensitivity", "x"))
+    fitted = card.judged["parameters"]["gz_dps_per_g"]
+    assert float(told[1]) == pytest.approx(abs(fitted["value"]) + 1.96 * fitted["se"], rel=0.05)
+    assert card.limit in tried.limits[0]
 
 
 def test_a_thumbnail_is_the_picture_in_small(ripple: tuple[Bench, Recording, ModelView, DiagnosisView]) -> None:

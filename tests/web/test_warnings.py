@@ -29,7 +29,7 @@ def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> Non
     told = page.locator('[aria-label="warnings"]')
     assert "008_down.csv: " in told.inner_text()
     assert "(face_wrong)" in told.inner_text()
-    assert not page.get_by_text("The model fits.").is_visible()
+    assert not page.get_by_text("The model is adequate.").is_visible()
     page.get_by_role("button", name="Diagnose").first.click()
     page.get_by_text("own axis is not judged").first.wait_for()
     assert page.locator('[aria-label="what is missing"] [aria-label="warnings"]').is_visible()
@@ -49,14 +49,16 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     header = served.folder / "slip/session.toml"
     before = header.read_text()
     page = look(f"{served.url}compare")
-    page.get_by_role("button", name="Change the face of 008_down.csv").click()
+    mend = page.get_by_role("button", name="Change the face of 008_down.csv")
+    assert mend.evaluate("e => parseFloat(getComputedStyle(e).fontSize)") >= 14  # it was 10 px
+    mend.click()
     page.get_by_text('face = "up" of 008_down.csv becomes face = "down"').wait_for()
     page.get_by_role("button", name="Cancel").click()
     page.get_by_role("button", name="Do it").wait_for(state="hidden")
     assert header.read_text() == before
     page.get_by_role("button", name="Change the face of 008_down.csv").click()
     page.get_by_role("button", name="Do it").click()
-    page.get_by_text("The model fits.").wait_for()
+    page.get_by_text("The model is adequate.").wait_for()
     assert "face_wrong" not in page.locator("body").inner_text()
     assert (served.folder / "slip/session.toml.before").read_text() == before
 

@@ -23,7 +23,7 @@ from gyrocal.web.against import panels
 from gyrocal.web.live import Live
 from gyrocal.web.models import Recipe, added
 from gyrocal.web.views import Holdable
-from gyrocal.web.words import above_excess, evidence, held_by_hand, no_picture, small_excess
+from gyrocal.web.words import above_excess, evidence, held_by_hand, no_picture
 
 SCALE = 1e-4
 """The planted error of the rate's scale."""
@@ -105,15 +105,6 @@ def test_an_effect_that_was_removed_is_not_listed_as_added() -> None:
     assert added([Recipe("default"), add, held, mine]) == ["Delay", "mine"]
     assert added([add, mine, Recipe("d", "lag", "Delay", removed=True)]) == ["mine"]
     assert added([add, mine, Recipe("d", "mine", "mine", removed=True)]) == ["Delay"]
-
-
-def test_an_excess_that_counts_as_noise_says_so() -> None:
-    """The model fitted beside an excess of 2.19 +- 0.45."""
-    def axes(excess: float, se: float) -> dict[str, dict[str, float]]:
-        return {"x": {"excess_dps": 1e-3, "excess_se_dps": 1e-3}, "y": {"excess_dps": excess, "excess_se_dps": se}}
-
-    assert "excess on y is more than 2 standard errors" in small_excess(axes(2.19e-3, 0.45e-3))
-    assert small_excess(axes(0.8e-3, 0.45e-3)) == ""
 
 
 def test_a_misfit_beside_a_held_parameter_names_it() -> None:

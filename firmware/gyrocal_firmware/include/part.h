@@ -1,12 +1,12 @@
-/* The sensor that the firmware is built for. To build for another one, name its driver and its addresses here, and its register
-   file in sim/emul.h. */
+/* The sensors that the firmware knows, and the addresses at which it looks for them. To build for fewer, list those of their drivers
+   that remain, as gc_parts.c does. */
 #ifndef PART_H
 #define PART_H
 
-#include "gc_lsm6dso.h"
+#include "gc_parts.h"
 
-#define PART gc_lsm6dso
-#define PART_ADDRESS GC_LSM6DSO_ADDRESS                                 /* the address of a single sensor on a bus */
-#define PART_ADDRESSES {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW} /* all that a bus is scanned for, in the order of numbers */
+#define PARTS gc_parts
+/* A bus has two places for sensors, and a place two addresses: the sensor there is the one that answers first. */
+#define PLACES {{0x6B, 0x68}, {0x6A, 0x69}}
 
 #endif

@@ -34,11 +34,15 @@ class Gyrocal(DeviceMonitorFilterBase):
 
     def readable(self, line: str) -> str | None:
         """A line for people; None to show nothing."""
-        if not line.startswith("$"):
-            return line
-        body, _, crc = line[1:].partition("*")
-        if crc != f"{binascii.crc_hqx(body.encode(), 0xFFFF):04X}":
-            return f"? damaged: {line}"
+        noise, dollar, sentence = line.rpartition("$")
+        body, _, crc = sentence.partition("*")
+        if not dollar or crc != f"{binascii.crc_hqx(body.encode(), 0xFFFF):04X}":
+            return f"? damaged: {line}" if line.startswith("$") else line
+        told = self.readable_body(body)
+        return f"? skipped: {noise}\n{told}" if noise and told is not None else told
+
+    def readable_body(self, body: str) -> str | None:
+        """What is between `$` and `*` of a sentence."""
         tag, _, t_us, imu, *fields = body.split(",")
         values = dict(field.partition("=")[::2] for field in fields)
         if tag == "HEL":

@@ -1,18 +1,70 @@
-/* The register file that emulates the part of part.h. emul_lsm6dso.h documents each function. */
+/* The emulated part of a simulated device: one of the kinds that emul.c lists, behind one interface. emul_lsm6dso.h documents each
+   function. */
 #ifndef EMUL_H
 #define EMUL_H
 
+#include "emul_icm42688.h"
 #include "emul_lsm6dso.h"
+#include "emul_mpu6050.h"
 
-typedef emul_lsm6dso_t emul_t;
+typedef struct {
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
+} emul_faults_t;
 
-#define emul_clock_for emul_lsm6dso_clock_for
-#define emul_power_on emul_lsm6dso_power_on
-#define emul_brown_out emul_lsm6dso_brown_out
-#define emul_feed emul_lsm6dso_feed
-#define emul_batches emul_lsm6dso_batches
-#define emul_advance emul_lsm6dso_advance
-#define emul_write emul_lsm6dso_write
-#define emul_read emul_lsm6dso_read
+/* The functions of a family of parts. */
+typedef struct {
+    void (*power_on)(void *chip, uint8_t id, bool is_32, double clock, uint64_t now_us, double world_full_scale_dps);
+    void (*brown_out)(void *chip);
+    void (*set_faults)(void *chip, const emul_faults_t *faults);
+    void (*set_fed_only)(void *chip, bool fed_only);
+    void (*set_world)(void *chip, const int16_t world[EMUL_WORDS]);
+    void (*feed)(void *chip, uint64_t now_us, const int16_t world[EMUL_WORDS]);
+    bool (*batches)(const void *chip);
+    bool (*int1)(const void *chip);
+    double (*tick_us)(const void *chip);
+    void (*advance)(void *chip, uint64_t now_us);
+    int (*write)(void *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
+    int (*read)(void *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
+    double (*clock_for)(double rate_hz);
+} emul_family_t;
+
+typedef struct {
+    const char *name; /* as the driver calls it */
+    const emul_family_t *family;
+    uint8_t address, id;
+    bool is_32;
+} emul_kind_t;
+
+typedef struct {
+    const emul_kind_t *kind;
+    union {
+        emul_lsm6dso_t lsm6dso;
+        emul_mpu6050_t mpu6050;
+        emul_icm42688_t icm42688;
+    } chip;
+} emul_t;
+
+/* The kinds; the last one has no name. */
+extern const emul_kind_t emul_kinds[];
+
+/* Returns NULL for an unknown name. */
+const emul_kind_t *emul_kind(const char *name);
+
+/* kind must be set. clock as in emul_lsm6dso_t. */
+void emul_power_on(emul_t *emul, double clock, uint64_t now_us, double world_full_scale_dps);
+void emul_brown_out(emul_t *emul);
+void emul_set_faults(emul_t *emul, const emul_faults_t *faults);
+void emul_set_fed_only(emul_t *emul, bool fed_only);
+/* Sets the values to measure from the next sample on; emul_feed samples them at once. */
+void emul_set_world(emul_t *emul, const int16_t world[EMUL_WORDS]);
+void emul_feed(emul_t *emul, uint64_t now_us, const int16_t world[EMUL_WORDS]);
+bool emul_batches(const emul_t *emul);
+bool emul_int1(const emul_t *emul);
+/* Returns the time of the next sample by the part's own clock. */
+double emul_tick_us(const emul_t *emul);
+void emul_advance(emul_t *emul, uint64_t now_us);
+int emul_write(emul_t *emul, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
+int emul_read(emul_t *emul, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
+double emul_clock_for(const emul_t *emul, double rate_hz);
 
 #endif

@@ -4,6 +4,7 @@
 #include <string.h>
 
 enum {
+    FUNC_CFG_ACCESS = 0x01,
     FIFO_CTRL1 = 0x07,
     FIFO_CTRL2 = 0x08,
     FIFO_CTRL3 = 0x09,
@@ -13,6 +14,7 @@ enum {
     CTRL1_XL = 0x10,
     CTRL2_G = 0x11,
     CTRL3_C = 0x12,
+    CTRL9_XL = 0x18,
     CTRL10_C = 0x19,
     STATUS_REG = 0x1E,
     OUT_FIRST = 0x20,
@@ -23,6 +25,7 @@ enum {
     FIFO_LAST = 0x7E,
 };
 
+enum { ID_DSO = 0x6C, ID_DSR = 0x6B, ID_DS3 = 0x69 };
 enum { FIFO_OFF = 0, FIFO_STOPS_WHEN_FULL = 1, FIFO_CONTINUOUS = 6 };
 enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 
@@ -34,12 +37,17 @@ enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 static const double odr_hz[16] = {0,            ROOT_HZ / 512, ROOT_HZ / 256, ROOT_HZ / 128, ROOT_HZ / 64, ROOT_HZ / 32,
                                   ROOT_HZ / 16, ROOT_HZ / 8,   ROOT_HZ / 4,   ROOT_HZ / 2,   ROOT_HZ};
 
+/* Those with I3C have a FIFO of tagged words and INTERNAL_FREQ_FINE too; the older ones have none of them. */
+static bool has_i3c(const emul_lsm6dso_t *chip) {
+    return chip->id == ID_DSO || chip->id == ID_DSR;
+}
+
 static void defaults(emul_lsm6dso_t *chip) {
     memset(chip->reg, 0, sizeof chip->reg);
-    chip->reg[WHO_AM_I] = 0x6C;
+    chip->reg[WHO_AM_I] = chip->id;
     chip->reg[CTRL3_C] = 0x04;
-    chip->reg[0x18] = 0xE0; /* CTRL9_XL */
-    chip->reg[0x63] = (uint8_t)(int)rint((chip->clock - 1.0) / 0.0015); /* INTERNAL_FREQ_FINE */
+    chip->reg[CTRL9_XL] = chip->id == ID_DS3 ? 0x38 : 0xE0;
+    chip->reg[0x63] = has_i3c(chip) ? (uint8_t)(int)rint((chip->clock - 1.0) / 0.0015) : 0; /* INTERNAL_FREQ_FINE */
     memset(chip->out, 0, sizeof chip->out);
     memset(chip->half_read, 0, sizeof chip->half_read);
     memset(chip->waiting, 0, sizeof chip->waiting);
@@ -52,7 +60,11 @@ double emul_lsm6dso_clock_for(double rate_hz) {
 
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps) {
     const double clock = chip->clock;
+    const uint8_t id = chip->id;
+    const bool is_32 = chip->is_32;
     memset(chip, 0, sizeof *chip);
+    chip->id = id != 0 ? id : ID_DSO;
+    chip->is_32 = is_32;
     chip->clock = clock > 0.0 ? clock : 1.0;
     defaults(chip);
     chip->world_full_scale_dps = world_full_scale_dps;
@@ -65,23 +77,21 @@ void emul_lsm6dso_brown_out(emul_lsm6dso_t *chip) {
 
 static double full_scale_dps(const emul_lsm6dso_t *chip) {
     static const double of_bits[] = {250, 500, 1000, 2000};
+    if (chip->id == ID_DSR && (chip->reg[CTRL2_G] & 0x01)) {
+        return 4000.0;
+    }
     return chip->reg[CTRL2_G] & 0x02 ? 125.0 : of_bits[chip->reg[CTRL2_G] >> 2 & 3];
 }
 
 static double full_scale_g(const emul_lsm6dso_t *chip) {
     static const double of_bits[] = {2, 16, 4, 8};
-    return of_bits[chip->reg[CTRL1_XL] >> 2 & 3];
-}
-
-static int16_t to_counts(int16_t world, double gain) {
-    const double x = rint(world * gain);
-    return (int16_t)(x > 32767.0 ? 32767.0 : x < -32768.0 ? -32768.0 : x);
+    return of_bits[chip->reg[CTRL1_XL] >> 2 & 3] * (chip->is_32 ? 2.0 : 1.0);
 }
 
 /* ---- FIFO ---- */
 
 static unsigned fifo_mode(const emul_lsm6dso_t *chip) {
-    return chip->reg[FIFO_CTRL4] & 7u;
+    return has_i3c(chip) ? chip->reg[FIFO_CTRL4] & 7u : FIFO_OFF;
 }
 
 bool emul_lsm6dso_batches(const emul_lsm6dso_t *chip) {
@@ -188,10 +198,12 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
             continue;
         }
         if (i >= 1 && i <= 3) {
-            value = now_us < chip->settled_us ? 0 : to_counts(value, chip->world_full_scale_dps / full_scale_dps(chip));
+            value = now_us < chip->settled_us ? 0 : emul_counts(value * (chip->world_full_scale_dps / full_scale_dps(chip)));
             value = (int16_t)(chip->stuck_bit ? value | 4 : value);
         } else if (i >= 4) {
-            value = to_counts(value, 2.0 / full_scale_g(chip));
+            value = emul_counts(value * (2.0 / full_scale_g(chip)));
+        } else if (chip->id == ID_DS3) {
+            value = emul_counts(value / 16.0); /* 16 counts a degree */
         }
         now[i] = value;
         if (chip->half_read[i] && (chip->reg[CTRL3_C] & 0x40)) {
@@ -227,18 +239,30 @@ void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t worl
     sample(chip, now_us);
 }
 
+/* While the bank of the embedded functions is selected, the other registers are out of reach. */
+static bool out_of_reach(const emul_lsm6dso_t *chip, uint8_t reg) {
+    return (chip->reg[FUNC_CFG_ACCESS] & 0xC0) != 0 && reg != FUNC_CFG_ACCESS;
+}
+
+static bool writable(uint8_t reg) {
+    return reg == FUNC_CFG_ACCESS || (reg >= FIFO_CTRL1 && reg <= FIFO_CTRL4) || reg == INT1_CTRL ||
+           (reg >= CTRL1_XL && reg <= CTRL10_C) ||
+           (reg > OUT_LAST && reg < FIFO_TAG && reg != FIFO_STATUS1 && reg != FIFO_STATUS2);
+}
+
 static void write_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_t value) {
     const bool gyro_was_off = chip->reg[CTRL2_G] >> 4 == 0;
-    if ((reg < CTRL1_XL && reg != INT1_CTRL && (reg < FIFO_CTRL1 || reg > FIFO_CTRL4)) ||
-        (reg > CTRL10_C && reg <= OUT_LAST) || reg == FIFO_STATUS1 || reg == FIFO_STATUS2 || reg >= FIFO_TAG) {
-        return; /* read-only or reserved */
+    if (!writable(reg) || out_of_reach(chip, reg)) {
+        return;
     }
     if (reg == CTRL3_C && (value & 1)) {
+        chip->i3c = has_i3c(chip) && emul_lsm6dso_int1(chip); /* a real part may: the pin's level chooses the bus */
         defaults(chip);
         chip->reset_us = chip->stuck_reset ? UINT64_MAX : now_us + RESET_US;
         return;
     }
     chip->reg[reg] = value;
+    chip->spoilt = chip->spoilt || (reg == CTRL9_XL && !has_i3c(chip) && (value & 0x03) != 0);
     if (reg == FIFO_CTRL4 && fifo_mode(chip) == FIFO_OFF) {
         chip->fifo_n = 0;
     }
@@ -251,8 +275,11 @@ static void write_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_
 }
 
 static uint8_t read_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg) {
+    if (out_of_reach(chip, reg)) {
+        return 0;
+    }
     if (reg == WHO_AM_I && chip->wrong_id) {
-        return 0x6B;
+        return 0x55;
     }
     if (reg == CTRL3_C) {
         return (uint8_t)(chip->reg[reg] | (now_us < chip->reset_us ? 1 : 0));
@@ -288,7 +315,7 @@ static uint8_t read_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg) {
 }
 
 static bool silent(const emul_lsm6dso_t *chip, uint64_t now_us) {
-    return chip->nack || now_us < chip->boot_us;
+    return chip->nack || chip->i3c || chip->spoilt || now_us < chip->boot_us;
 }
 
 static uint8_t following(const emul_lsm6dso_t *chip, uint8_t reg) {

@@ -1,13 +1,14 @@
-/* An LSM6DSO as seen from its bus: a register file that reacts to what is written to it. Facts from the datasheet, written
-   apart from the driver, so that each checks the other. */
+/* An LSM6DSO or a relative as seen from its bus: a register file that reacts to what is written to it. Facts from the datasheets,
+   written apart from the driver, so that each checks the other. */
 #ifndef EMUL_LSM6DSO_H
 #define EMUL_LSM6DSO_H
+
+#include "emul_world.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define EMUL_WORDS 7 /* temperature, gyroscope x y z, accelerometer x y z */
 #define EMUL_FIFO_WORDS 512
 #define EMUL_FIFO_WORD_BYTES 7 /* tag and six bytes */
 
@@ -15,6 +16,8 @@ typedef struct {
     uint8_t reg[128];
     int16_t world[EMUL_WORDS]; /* the true values, in counts at world_full_scale_dps and 2 g */
     double world_full_scale_dps;
+    uint8_t id;          /* set before power-on: 0x6B LSM6DSR, 0x6A LSM6DS3TR-C, 0x69 LSM6DS3; 0 = 0x6C, LSM6DSO */
+    bool is_32;          /* likewise: the LSM6DSO32, whose id is the LSM6DSO's */
     int16_t out[EMUL_WORDS];
     int16_t next[EMUL_WORDS]; /* waits while a word is half read (BDU) */
     bool half_read[EMUL_WORDS];
@@ -24,6 +27,8 @@ typedef struct {
     uint64_t settled_us; /* the gyroscope reads 0 before: its turn-on time */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
+    bool i3c;            /* INT1 was high at a reset: no answer on I2C until power-off */
+    bool spoilt;         /* a bit that must stay 0 was set: nothing is promised any more, so no answer until power-off */
     bool fed_only;       /* its clock is off, and it samples when it is given a value */
 
     uint8_t fifo[EMUL_FIFO_WORDS][EMUL_FIFO_WORD_BYTES];

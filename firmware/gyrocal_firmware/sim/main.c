@@ -32,7 +32,7 @@ typedef struct {
     options_t options;
     rows_t rows;
     uint64_t now_us; /* since power-on; only waits and bus transfers advance it */
-    emul_t chip;
+    emul_t part;
     gc_device_t device;
 
     /* The run that is replayed. Row k has the time base_us + t_us. */
@@ -97,14 +97,12 @@ static bool begins(sim_t *sim, fault_kind_t kind, double *length_s) {
 
 static void misbehave(sim_t *sim) {
     double length_s = 0.0;
-    sim->chip.nack = is_on(sim, FAULT_NACK);
-    sim->chip.stale = is_on(sim, FAULT_STALE);
-    sim->chip.bad_tags = is_on(sim, FAULT_BAD_TAGS);
-    sim->chip.wrong_id = is_on(sim, FAULT_WRONG_ID);
-    sim->chip.stuck_bit = is_on(sim, FAULT_STUCK_BIT);
-    sim->chip.stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT);
+    const emul_faults_t faults = {.nack = is_on(sim, FAULT_NACK), .wrong_id = is_on(sim, FAULT_WRONG_ID),
+                                  .stale = is_on(sim, FAULT_STALE), .stuck_bit = is_on(sim, FAULT_STUCK_BIT),
+                                  .stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT), .bad_tags = is_on(sim, FAULT_BAD_TAGS)};
+    emul_set_faults(&sim->part, &faults);
     if (begins(sim, FAULT_BROWNOUT, &length_s)) {
-        emul_brown_out(&sim->chip);
+        emul_brown_out(&sim->part);
     }
     sim->options.faults.turned_over = begins(sim, FAULT_EARLY_FLIP, &length_s) || sim->options.faults.turned_over;
     if (begins(sim, FAULT_CLOCK_JUMP, &length_s)) {
@@ -120,7 +118,7 @@ static void feed(sim_t *sim, uint64_t t_us, const int16_t row[EMUL_WORDS]) {
     int16_t world[EMUL_WORDS];
     memcpy(world, row, sizeof world);
     faults_change_reading(&sim->options.faults, fault_s(sim), sim->rows.runs[sim->run].axis, world);
-    emul_feed(&sim->chip, t_us, world);
+    emul_feed(&sim->part, t_us, world);
 }
 
 static bool in_run(const sim_t *sim) {
@@ -138,7 +136,7 @@ static void feed_row(sim_t *sim) {
 
 /* The FIFO stores each row at its time, whatever the device does meanwhile. */
 static void feed_fifo(sim_t *sim) {
-    while (emul_batches(&sim->chip) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
+    while (emul_batches(&sim->part) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
         feed_row(sim);
     }
 }
@@ -150,7 +148,7 @@ static void move_to(sim_t *sim, uint64_t t_us) {
     }
     misbehave(sim);
     feed_fifo(sim);
-    emul_advance(&sim->chip, sim->now_us);
+    emul_advance(&sim->part, sim->now_us);
 }
 
 /* The time of the board's clock, which may be ahead. */
@@ -174,7 +172,7 @@ static void skip_missed_rows(sim_t *sim) {
 static void wait_sample_us(void *context, uint64_t due_us) {
     sim_t *sim = context;
     due_us = of_board(sim, due_us);
-    if (emul_batches(&sim->chip)) {
+    if (emul_batches(&sim->part)) {
         const uint64_t last_us = in_run(sim) ? sim->base_us + sim->rows_end[-1].t_us : due_us;
         move_to(sim, due_us < last_us ? due_us : last_us);
         return;
@@ -209,8 +207,8 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
     int taken = -1;
     if (is_on(sim, FAULT_STUCK_BUS)) {
         taken = (int)n;
-    } else if (address == PART_ADDRESS) {
-        taken = emul_write(&sim->chip, sim->now_us, reg, data, n);
+    } else if (address == sim->part.kind->address) {
+        taken = emul_write(&sim->part, sim->now_us, reg, data, n);
     }
     spend_bus_time(sim, n + 2u);
     return taken;
@@ -218,7 +216,7 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     sim_t *sim = context;
-    int given = address == PART_ADDRESS ? emul_read(&sim->chip, sim->now_us, reg, data, n) : -1;
+    int given = address == sim->part.kind->address ? emul_read(&sim->part, sim->now_us, reg, data, n) : -1;
     if (is_on(sim, FAULT_STUCK_BUS)) {
         memset(data, 0, n);
         given = (int)n;
@@ -329,8 +327,8 @@ static void stand_still(sim_t *sim, const rows_run_t *run) {
 }
 
 /* A part whose clock error makes its nominal output data rate equal to the true rate of the rows. */
-static double clock_of(double rate_hz) {
-    return gc_part_odr_for(&PART, rate_hz) == rate_hz ? emul_clock_for(rate_hz) : 1.0;
+static double clock_of(const sim_t *sim, double rate_hz) {
+    return gc_part_odr_for(sim->options.driver, rate_hz) == rate_hz ? emul_clock_for(&sim->part, rate_hz) : 1.0;
 }
 
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run) {
@@ -339,8 +337,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     sim->jumped_us = sim->options.clock_us;
     sim->options.faults.turned_over = false;
     pace_from_here(sim);
-    sim->chip.clock = clock_of((double)sim->rows.sample_rate_hz);
-    emul_power_on(&sim->chip, 0, (double)sim->rows.full_scale_dps);
+    emul_power_on(&sim->part, clock_of(sim, (double)sim->rows.sample_rate_hz), 0, (double)sim->rows.full_scale_dps);
     misbehave(sim);
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
@@ -384,8 +381,8 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     command_set(sim, "table_dps", run->table_dps, "none");
     command_set(sim, "turn_deg", run->turn_deg, "0");
     sim->options.faults.turned_over = false;
-    sim->chip.fed_only = emul_batches(&sim->chip);
-    sim->device.sampler.sample_us = sim->chip.fed_only ? sim->device.sampler.sample_us : 0u; /* skipped time is no loss */
+    emul_set_fed_only(&sim->part, emul_batches(&sim->part));
+    sim->device.sampler.sample_us = emul_batches(&sim->part) ? sim->device.sampler.sample_us : 0u; /* skipped time is no loss */
     command(sim, run->face > 0 ? "start up" : "start down");
 
     /* Only differences of t_us matter. The first row may have any time. */
@@ -402,7 +399,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
         skip_missed_rows(sim);
     }
     command(sim, "stop");
-    sim->chip.fed_only = false;
+    emul_set_fed_only(&sim->part, false);
 }
 
 /* After a loss of power the board starts again, and the current run has ended. */
@@ -455,12 +452,12 @@ int main(int argc, char **argv) {
         fprintf(stderr, "gyrocal-sim: %s; %s\n", wrong, OPTIONS_USAGE);
         return 2;
     }
-    if (options->list) {
-        faults_list(stdout);
+    if (options_list(options, stdout)) {
         return 0;
     }
     sim.stdin_open = true;
-    wrong = rows_load(&sim.rows, options->path);
+    sim.part.kind = options->sensor;
+    wrong = rows_load(&sim.rows, options->path, options->driver);
     if (wrong != NULL) {
         fprintf(stderr, "gyrocal-sim: %s: %s\n", options->path, wrong);
         return 2;
@@ -486,7 +483,7 @@ int main(int argc, char **argv) {
     };
     const gc_device_config_t config = {
         .port = &port,
-        .part = &PART, .address = PART_ADDRESS,
+        .part = options->told, .parts = PARTS, .address = options->sensor->address,
         .imu = options->imu,
         .calibration = &gc_calibration,
         .net = &gc_net,

@@ -2,9 +2,26 @@
 
 #include "gc_error.h"
 #include "gc_format.h"
-#include "gc_sensor.h"
+#include "part.h"
 
 #include <string.h>
+
+/* The driver of a kind has its name. */
+static const char *choose_sensor(options_t *options, const char *name) {
+    size_t i = 0;
+    options->sensor = emul_kind(name);
+    while (PARTS[i] != NULL && strcmp(PARTS[i]->name, name) != 0) {
+        i++;
+    }
+    options->driver = PARTS[i];
+    if (options->sensor == NULL || options->driver == NULL) {
+        return "--sensor takes the name of a sensor such as MPU-6050";
+    }
+    for (i = 0; PARTS[i]->id != options->driver->id || PARTS[i]->address[0] != options->driver->address[0]; i++) {
+    }
+    options->told = PARTS[i] == options->driver ? NULL : options->driver;
+    return NULL;
+}
 
 static const char *parse_option(options_t *options, const char *name, const char *value) {
     uint64_t number;
@@ -43,8 +60,11 @@ static const char *parse_option(options_t *options, const char *name, const char
             return "--seq takes a number below 2^32";
         }
         options->seq = (uint32_t)number;
+    } else if (strcmp(name, "--sensor") == 0) {
+        options->list_sensors = strcmp(value, "list") == 0;
+        return options->list_sensors ? NULL : choose_sensor(options, value);
     } else if (strcmp(name, "--fault") == 0) {
-        options->list = options->list || strcmp(value, "list") == 0;
+        options->list_faults = options->list_faults || strcmp(value, "list") == 0;
         return strcmp(value, "list") == 0 ? NULL : faults_add(&options->faults, value);
     } else {
         return "no such option";
@@ -54,6 +74,7 @@ static const char *parse_option(options_t *options, const char *name, const char
 
 const char *options_parse(options_t *options, int argc, char **argv) {
     options->speed = 1.0;
+    (void)choose_sensor(options, emul_kinds[0].name);
     for (int i = 1; i < argc; i++) {
         const char *wrong = NULL;
         if (strcmp(argv[i], "--hold") == 0) {
@@ -70,11 +91,25 @@ const char *options_parse(options_t *options, int argc, char **argv) {
             return wrong;
         }
     }
-    if (options->path == NULL && !options->list) {
+    if (options->path == NULL && !options->list_faults && !options->list_sensors) {
         return "no ROWS file";
+    }
+    if (options->fifo > options->driver->batch_max) {
+        return "the FIFO of this sensor is not used: leave --fifo out";
     }
     if (faults_has(&options->faults, FAULT_BAD_TAGS) && options->fifo == 0u) {
         return "bad_tags is a fault of the FIFO: give --fifo";
     }
     return NULL;
+}
+
+bool options_list(const options_t *options, FILE *to) {
+    if (options->list_faults) {
+        faults_list(to);
+    } else if (options->list_sensors) {
+        for (const emul_kind_t *kind = emul_kinds; kind->name != NULL; kind++) {
+            fprintf(to, "%s\n", kind->name);
+        }
+    }
+    return options->list_faults || options->list_sensors;
 }

@@ -1,7 +1,5 @@
 #include "rows.h"
 
-#include "part.h"
-
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -79,7 +77,7 @@ static const char *parse_run(const uint8_t *p, uint32_t n_rows, rows_run_t *run)
     return NULL;
 }
 
-static const char *parse(rows_t *rows, const uint8_t *data, size_t size) {
+static const char *parse(rows_t *rows, const uint8_t *data, size_t size, const gc_part_t *part) {
     if (size < HEADER_BYTES || memcmp(data, "GCSIM01\0", 8) != 0) {
         return "not a ROWS file (magic GCSIM01)";
     }
@@ -93,11 +91,11 @@ static const char *parse(rows_t *rows, const uint8_t *data, size_t size) {
     if (rows->n_runs == 0) {
         return "it holds no run";
     }
-    if (!(rows->sample_rate_hz >= 1.0f) || gc_part_odr_for(&PART, (double)rows->sample_rate_hz) == 0.0) {
-        return "sample_rate_hz must be within 1 and 1388, or 1666";
+    if (!(rows->sample_rate_hz >= 1.0f) || gc_part_odr_for(part, (double)rows->sample_rate_hz) == 0.0) {
+        return part->batch_max > 0u ? "sample_rate_hz must be within 1 and 1388, or 1666" : "the sensor does not measure at sample_rate_hz";
     }
-    if (!gc_part_full_scale_ok(&PART, (double)rows->full_scale_dps)) {
-        return "full_scale_dps must be 125, 250, 500, 1000 or 2000";
+    if (!gc_part_full_scale_ok(part, (double)rows->full_scale_dps)) {
+        return part->ranges == 5u ? "full_scale_dps must be 125, 250, 500, 1000 or 2000" : "the sensor does not have full_scale_dps";
     }
     rows->runs = calloc(rows->n_runs, sizeof *rows->runs);
     rows->rows = calloc(rows->n_rows, sizeof *rows->rows);
@@ -129,14 +127,14 @@ static const char *parse(rows_t *rows, const uint8_t *data, size_t size) {
     return NULL;
 }
 
-const char *rows_load(rows_t *rows, const char *path) {
+const char *rows_load(rows_t *rows, const char *path, const gc_part_t *part) {
     size_t size;
     memset(rows, 0, sizeof *rows);
     uint8_t *data = read_all(path, &size);
     if (data == NULL) {
         return "cannot be read";
     }
-    const char *wrong = parse(rows, data, size);
+    const char *wrong = parse(rows, data, size, part);
     free(data);
     if (wrong != NULL) {
         rows_free(rows);

@@ -1,4 +1,4 @@
-/* Raw samples to replay. A ROWS file, little-endian:
+/* Raw samples to replay, in the counts of an LSM6DSO, which other parts round to theirs. A ROWS file, little-endian:
  *
  *     header, 32 bytes   char magic[8] = "GCSIM01\0"; uint32 n_runs, n_rows; float sample_rate_hz, full_scale_dps; uint32 reserved[2]
  *     n_runs x 32 bytes  uint32 first_row, n_rows; int32 face (+1 up, -1 down), axis (0 x, 1 y, 2 z); float table_dps (signed,
@@ -7,6 +7,8 @@
  */
 #ifndef ROWS_H
 #define ROWS_H
+
+#include "gc_sensor.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -31,8 +33,8 @@ typedef struct {
     rows_row_t *rows;
 } rows_t;
 
-/* Returns NULL, or a description of the error in the file. */
-const char *rows_load(rows_t *rows, const char *path);
+/* Returns NULL, or a description of the error in the file. part is the sensor that they are for. */
+const char *rows_load(rows_t *rows, const char *path, const gc_part_t *part);
 void rows_free(rows_t *rows);
 
 #define ROWS_DECIMAL_MAX 32

@@ -2,6 +2,8 @@
 #ifndef BOARD_H
 #define BOARD_H
 
+#include <sdkconfig.h>
+
 #if !defined(GYROCAL_SDA) || !defined(GYROCAL_SCL)
 #error "say where the sensor is: build_flags = -DGYROCAL_SDA=21 -DGYROCAL_SCL=22"
 #endif
@@ -12,12 +14,26 @@
  *   GYROCAL_INT1_SENSOR          that sensor's number (0 by default)
  *   GYROCAL_LED                  a plain LED, or
  *   GYROCAL_RGB_LED              an addressable one (WS2812)
+ *   GYROCAL_I2C_HZ               clock of the buses; slower where the cables are long
  */
+#if !defined(GYROCAL_I2C_HZ)
+#define GYROCAL_I2C_HZ 400000
+#endif
+
 #define BAUD 921600
 
-/* The number of a sensor is given by its bus and address. Each bus has two sensors, and the one at 0x6B is the first. */
+/* The number of a sensor is given by its bus and its place there (part.h). */
 #define SENSORS_A_BUS 2
 #define MAX_SENSORS 4
+
+/* The environments of platformio.ini for this chip, and their pins. Where no sensor answers, the others' pins are tried. */
+#if defined(CONFIG_IDF_TARGET_ESP32)
+#define KNOWN_PINS {{"thing_plus_micro_b", 23, 22}, {"thing_plus_usb_c", 21, 22}}
+#elif defined(CONFIG_IDF_TARGET_ESP32C3)
+#define KNOWN_PINS {{"esp32_c3", 4, 5}}
+#else
+#define KNOWN_PINS {{"esp32_s3", 8, 9}}
+#endif
 
 #if defined(GYROCAL_INT1) && !defined(GYROCAL_INT1_SENSOR)
 #define GYROCAL_INT1_SENSOR 0

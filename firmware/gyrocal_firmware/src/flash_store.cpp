@@ -3,16 +3,34 @@
 #include "board.h"
 #include "output.h"
 
+#include <nvs_flash.h>
 #include <stdio.h>
 
 #define PARTITION "gyrocal"
 #define NAME_BYTES 16
 
+/* A partition whose pages are all in use, or of another version, can only be erased: nothing in it can be read. */
+void FlashStore::prepare() {
+    esp_err_t error = nvs_flash_init_partition(PARTITION);
+    if (error == ESP_ERR_NVS_NO_FREE_PAGES || error == ESP_ERR_NVS_NEW_VERSION_FOUND) {
+        output_say("the flash for results is erased (%s): settings and results begin anew", esp_err_to_name(error));
+        error = nvs_flash_erase_partition(PARTITION);
+        error = error == ESP_OK ? nvs_flash_init_partition(PARTITION) : error;
+    }
+    if (error == ESP_ERR_NOT_FOUND) {
+        output_say("no partition " PARTITION " in flash: flash the board with partitions.csv");
+    } else if (error != ESP_OK) {
+        output_say("the flash for results fails (%s)", esp_err_to_name(error));
+    } else {
+        forget_older();
+    }
+}
+
 void FlashStore::begin(unsigned bus, uint8_t address) {
     char name[NAME_BYTES];
     snprintf(name, sizeof name, "bus%u_%02X", bus, static_cast<unsigned>(address));
     if (!preferences_.begin(name, false, PARTITION)) {
-        output_say("%s: its flash cannot be opened, results hold until power-off: flash the board with partitions.csv", name);
+        output_say("%s: its flash cannot be opened, results hold until power-off", name);
     }
 }
 

@@ -7,12 +7,15 @@
 
 class FlashStore {
 public:
-    static void forget_older();
+    /* To be called before any other. */
+    static void prepare();
     void begin(unsigned bus, uint8_t address);
     int store(const char *key, const void *data, size_t n);
     int load(const char *key, void *data, size_t n);
 
 private:
+    static void forget_older();
+
     Preferences preferences_;
 };
 

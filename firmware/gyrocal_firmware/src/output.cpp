@@ -1,6 +1,8 @@
 #include "output.h"
 
 #include "board.h"
+#include "gc_device.h"
+#include "reset_reason.h"
 
 #include <Arduino.h>
 #include <freertos/FreeRTOS.h>
@@ -12,7 +14,9 @@
 
 #define RING_BYTES 16384 /* 0.18 s of the wire */
 #define KEPT_FREE_BYTES 2048 /* reserved for answers to commands while samples fill the wire */
-#define TX_BYTES 2048
+#define TX_BYTES 4096
+#define QUEUED_BYTES 1024 /* of them, 11 ms of the wire */
+#define PART_BYTES 512
 #define RX_BYTES 1024
 #define STACK_BYTES 3072
 #define PRIORITY 2
@@ -20,15 +24,15 @@
 
 static RingbufHandle_t ring;
 
-/* Writes only as many bytes as fit. A write that waits would hold the port's lock, and no command could be received. */
+/* A write that finds no room waits with the port's lock held, and no command can be received. availableForWrite tells more than
+   there is room for: it counts the hardware's own buffer, but not the 28 bytes and more that the driver keeps beside each write.
+   So the driver is given little at a time, and the rest waits here. */
 static void write_all(const uint8_t *data, size_t n) {
     while (n > 0) {
-        const int room = Serial.availableForWrite();
-        if (room <= 0) {
+        const size_t part = n < PART_BYTES ? n : PART_BYTES;
+        while (Serial.availableForWrite() < static_cast<int>(TX_BYTES - QUEUED_BYTES + part)) {
             delay(1);
-            continue;
         }
-        const size_t part = n < static_cast<size_t>(room) ? n : static_cast<size_t>(room);
         const size_t done = Serial.write(data, part);
         data += done;
         n -= done;
@@ -57,6 +61,9 @@ void output_begin() {
         Serial.flush();
         ESP.restart();
     }
+    (void)output_send("\n", 1); /* the ROM's log came at another speed: a reader sees noise without an end */
+    const esp_reset_reason_t reason = esp_reset_reason();
+    output_say("gyrocal %s, reset reason %d, %s", GC_FIRMWARE_VERSION, static_cast<int>(reason), reset_reason_name(reason));
 }
 
 static bool is_sample(const char *data, size_t n) {

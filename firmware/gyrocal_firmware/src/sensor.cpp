@@ -6,6 +6,7 @@
 #include "status_led.h"
 
 #include <Arduino.h>
+#include <esp_system.h>
 #include <esp_task_wdt.h>
 
 #define STACK_BYTES 12288 /* the core takes 4 kB of it (docs/cpus.md) */
@@ -15,6 +16,8 @@
 #define WAKE_EARLY_US 40u
 #define LATE_TICKS pdMS_TO_TICKS(20)
 
+Sensor *Sensor::first_ = nullptr;
+
 /* The callbacks of gc_port.h. Their context is the Sensor. */
 struct Port {
     static Sensor &of(void *context) { return *static_cast<Sensor *>(context); }
@@ -23,56 +26,76 @@ struct Port {
         return of(context).bus_.write(address, reg, data, n);
     }
     static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
-        return of(context).bus_.read(address, reg, data, n);
+        return of(context).bus_.read(address, reg, data, n, of(context).had_bus_us_);
     }
+    static uint64_t bus_us(void *context) { return of(context).had_bus_us_; }
     static uint64_t now_us(void *) { return static_cast<uint64_t>(esp_timer_get_time()); }
     static void wait_until_us(void *context, uint64_t t_us) { of(context).wait(t_us); }
-    static void wait_ready_us(void *context, uint64_t deadline_us) {
+    static uint64_t wait_ready_us(void *context, uint64_t deadline_us) {
         Sensor &sensor = of(context);
         uint64_t now = now_us(context);
         while (digitalRead(sensor.pin_int1_) == LOW && now < deadline_us) {
             ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS((deadline_us - now) / 1000u + 1u));
             now = now_us(context);
         }
+        return sensor.rose_us();
     }
     static int send(void *, const char *data, size_t n) { return output_send(data, n); }
     static int store(void *context, const char *key, const void *data, size_t n) {
         return of(context).flash_.store(key, data, n);
     }
     static int load(void *context, const char *key, void *data, size_t n) { return of(context).flash_.load(key, data, n); }
+    static bool may_store(void *context) {
+        for (const Sensor *other = Sensor::first_; other != nullptr; other = other->next_) {
+            if (other != context && other->is_disturbed_by_flash()) {
+                return false;
+            }
+        }
+        return true;
+    }
+    static void least_free(void *, uint32_t *heap_bytes, uint32_t *stack_bytes) {
+        *heap_bytes = esp_get_minimum_free_heap_size();
+        *stack_bytes = uxTaskGetStackHighWaterMark(nullptr); /* this FreeRTOS counts bytes */
+    }
     static void led(void *context, gc_led_t state) { status_led_set(of(context).imu_, state); }
     static void alarm(void *context) { xTaskNotifyGive(of(context).task_); }
 };
 
 Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
     : bus_(bus), address_(address), imu_(imu), pin_int1_(pin_int1), port_(), config_(), device_(), alarm_(nullptr), task_(nullptr),
-      commands_(xStreamBufferCreate(COMMAND_BYTES, 1)) {
+      commands_(xStreamBufferCreate(COMMAND_BYTES, 1)), had_bus_us_(0), rose_us_(0), next_(first_) {
+    first_ = this;
     port_.context = this;
     port_.bus_write = Port::bus_write;
     port_.bus_read = Port::bus_read;
+    port_.bus_us = Port::bus_us;
     port_.now_us = Port::now_us;
     port_.wait_until_us = Port::wait_until_us;
     port_.wait_ready_us = pin_int1 >= 0 ? Port::wait_ready_us : nullptr;
     port_.send = Port::send;
     port_.store = Port::store;
     port_.load = Port::load;
+    port_.may_store = Port::may_store;
+    port_.least_free = Port::least_free;
     port_.led = Port::led;
     config_.port = &port_;
-    config_.part = &PART;
+    config_.parts = PARTS;
     config_.address = address;
     config_.imu = imu;
     config_.calibration = gyrocal_calibration;
     config_.net = gyrocal_net;
 }
 
+/* A task that uses the FPU stays on the core on which it first did, so the core is chosen here: the timers run on core 0. */
 void Sensor::start() {
+    const BaseType_t core = portNUM_PROCESSORS - 1 - static_cast<BaseType_t>(imu_ % portNUM_PROCESSORS);
     esp_timer_create_args_t alarm = {};
     alarm.callback = Port::alarm;
     alarm.arg = this;
     alarm.name = "sample";
     ESP_ERROR_CHECK(esp_timer_create(&alarm, &alarm_));
     flash_.begin(bus_.number(), address_);
-    if (commands_ == nullptr || xTaskCreate(run, "sensor", STACK_BYTES, this, PRIORITY, &task_) != pdPASS) {
+    if (commands_ == nullptr || xTaskCreatePinnedToCore(run, "sensor", STACK_BYTES, this, PRIORITY, &task_, core) != pdPASS) {
         output_say("sensor %u: no memory for its task: connect fewer sensors", imu_);
     }
 }
@@ -84,11 +107,22 @@ void Sensor::hear(const char *data, size_t n) {
 }
 
 void IRAM_ATTR Sensor::on_data_ready(void *self) {
+    Sensor &sensor = *static_cast<Sensor *>(self);
     BaseType_t woken = pdFALSE;
-    vTaskNotifyGiveFromISR(static_cast<Sensor *>(self)->task_, &woken);
+    sensor.rose_us_ = static_cast<uint64_t>(esp_timer_get_time());
+    vTaskNotifyGiveFromISR(sensor.task_, &woken);
     if (woken) {
         portYIELD_FROM_ISR();
     }
+}
+
+/* The interrupt may write one half of it between the readings of both. */
+uint64_t Sensor::rose_us() const {
+    uint64_t rose_us = rose_us_;
+    while (rose_us != rose_us_) {
+        rose_us = rose_us_;
+    }
+    return rose_us;
 }
 
 /* Sleeps until a microsecond timer fires, whatever else wakes the task, then polls the clock for the last microseconds. */

@@ -1,4 +1,4 @@
-"""Apply a model to a recording: a session folder, a CSV or a Parquet table with corrected readings.
+"""Apply a model to a recording: a session folder, or any log that can be imported, with corrected readings.
 
 The bias changes with each power cycle, so the model's bias is only its mean over the power cycles of its session. ``bias`` says
 where this power cycle's bias comes from: ``model``, ``rest:S`` (the mean of the first S seconds of a run that is at rest in
@@ -8,8 +8,8 @@ them), or a file with the output of ``gyrocal calibrate --json``.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -17,75 +17,156 @@ from typing import Any
 import polars as pl
 
 from gyrocal.calibration.at_rest import biases_at_rest
-from gyrocal.error_model.correction import RATES, correct, run_of
+from gyrocal.calibration.beyond import Beyond, beyond, columns_of, warned
+from gyrocal.error_model.correction import RATES, Corrected, correct, run_of
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import LARGEST_JSON_BYTES, UNREADABLE, read_small_text, replacing, why_unreadable
+from gyrocal.plausibility.header import corrected_otherwise
+from gyrocal.recording.header import folder_of
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import Imported, read_recording
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
+from gyrocal.warning import Warning
 
 TABLES = (".csv", ".parquet")
+BAG = "metadata.yaml"
+"""A folder with this file is a ROS 2 bag."""
+LONGEST_HEADER = 65536
+"""Characters of a first line, in which the names of columns are looked for."""
 
 
 @dataclass(frozen=True)
 class Applied:
-    """What :func:`apply` did: the number of rows, the effects that it removed, and the others with the reason."""
+    """What :func:`apply` did: the number of rows, the effects that it removed, and the others with the reason.
+
+    ``outside`` are the rows beyond what the model was fitted on, by variable.
+    """
 
     rows: int
     applied: list[str]
     left: dict[str, str]
+    outside: dict[str, int] = field(default_factory=dict)
+    warnings: list[Warning] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
         return {
             "rows": self.rows, "applied": self.applied,
             "left": [{"effect": effect, "why": why} for effect, why in self.left.items()],
+            "outside": self.outside, "warnings": [warning.to_json() for warning in self.warnings],
         }  # fmt: skip
 
 
-def apply(source: str | Path, model: Model | str | Path, out: str | Path, bias: str = "model") -> Applied:
+def refuse_guess(log: Imported) -> None:
+    """Raise InputError if columns of a log were guessed; the guess is in the error, as ``maps`` takes it."""
+    if log.guessed:
+        guess = " ".join(f"{g.option} '{g.map}'" for g in log.guessed)
+        raise InputError(f"{log.first_rows[0].file}: its columns are not mapped; a guess: {guess}")
+
+
+def apply(
+    source: str | Path, model: Model | str | Path, out: str | Path, bias: str = "model", maps: Sequence[str] = (), *,
+    confirm: Callable[[Imported], None] = refuse_guess, **options: Any,
+) -> Applied:  # fmt: skip
     """Write the recording ``source`` to ``out`` with the model's effects removed from its readings.
 
-    A folder is a session and gives a session; a ``.csv`` or ``.parquet`` file gives a table. Times, references and all other
-    columns stay as they are. Raises InputError if the recording cannot be read, the model has no values, ``out`` exists, or
-    ``bias`` cannot be used.
+    A session folder gives a session. Any log that can be imported gives a table (``.csv`` or ``.parquet``) with the columns of
+    a session and no true rate. A table that has these columns itself is taken as it is: its times, references and all other
+    columns stay.
+
+    Args:
+        source: a session folder, or a log.
+        model: the model with fitted values, or its file.
+        out: what is written; it must not exist.
+        bias: where this power cycle's bias comes from: ``model``, ``rest:S`` or the output of ``gyrocal calibrate --json``.
+        maps: ``target=column[:unit][*factor]`` for a log, as for ``import_recording``.
+        confirm: called with a log before it is corrected; by default it refuses one whose columns were guessed.
+        options: how a log is read, by the names of :meth:`Options.of`, for example ``topic``, ``rate_hz`` or ``lsb_dps``.
+
+    Raises:
+        InputError: the recording cannot be read, the model has no values, ``out`` exists, or ``bias`` cannot be used.
     """
-    path, target, opened = Path(source), Path(out), Model.open(model)
+    path, target, opened = folder_of(Path(source)), Path(out), Model.open(model)
     if target.exists():
         raise InputError(f"{target}: exists already; choose another name for --out or remove it")
-    if path.is_dir():
+    options = {name: value for name, value in options.items() if value is not None}
+    mapped = bool(maps or options)
+    if not mapped and path.is_dir() and not (path / BAG).is_file():
         session = Session.open(path)
-        runs, results = _corrected(session.runs, opened, bias)
+        runs, done = _corrected(session.runs, opened, bias)
         # corrected readings are no whole counts and may exceed the full scale
         replace(session.with_runs(runs), lsb_dps=None, full_scale_dps=None).save(target)
-        return _summary(results)
-    if path.suffix not in TABLES or target.suffix not in TABLES:
-        raise InputError(f"{path} -> {target}: give a session folder, or tables that end in {' or '.join(TABLES)}")
-    frame = read_table(path)
-    runs, results = _corrected((run_of(frame, path.name),), opened, bias)
+        return done
+    if target.suffix not in TABLES:
+        raise InputError(f"{target}: logs are corrected into tables that end in {' or '.join(TABLES)}; give --out such a name")
+    if not mapped and _has_the_columns_of_a_session(path):
+        log = Log(read_table(path))
+    else:
+        log = _read_log(path, Options.of(maps, options), opened, confirm)
+    runs, done = _corrected((run_of(log.frame, path.name),), opened, bias)
     try:
         with replacing(target) as partial:
-            write_table(runs[0].table.select(frame.columns), partial)
+            write_table(runs[0].table.select(c for c in log.frame.columns if c not in log.unmeasured), partial)
     except OSError as error:
         raise InputError(f"{target}: {error.strerror}") from None
-    return _summary(results)
+    return replace(done, warnings=[*log.warnings, *done.warnings])
 
 
-def _corrected(runs: tuple[Run, ...], model: Model, bias: str) -> tuple[list[Run], list[Applied]]:
+@dataclass(frozen=True)
+class Log:
+    """A log as a table with the columns of a session. ``unmeasured`` are the rates that it lacks, at the model's bias."""
+
+    frame: pl.DataFrame
+    unmeasured: tuple[str, ...] = ()
+    warnings: tuple[Warning, ...] = ()
+
+
+def _has_the_columns_of_a_session(path: Path) -> bool:
+    """True for a CSV or Parquet table whose header has the columns that every table of a session has."""
+    try:
+        if path.suffix == ".parquet":
+            names = list(pl.read_parquet_schema(path))
+        elif path.suffix == ".csv":
+            with path.open(encoding="utf-8-sig", errors="replace") as file:
+                names = [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
+        else:
+            return False
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
+        return False
+    return {"t_s", *RATES} <= set(names)
+
+
+def _read_log(path: Path, options: Options, model: Model, confirm: Callable[[Imported], None]) -> Log:
+    """The table of a log. A rate that it does not measure stands at the model's bias: as if nothing turned about that axis."""
+    found = read_recording(path, replace(options, needs_rate=False))
+    if len(found.session.runs) > 1:
+        raise InputError(f"{path}: it holds {len(found.session.runs)} recordings; correct one at a time")
+    confirm(found)
+    targets = {taken.target for taken in found.first_rows}
+    unmeasured = tuple(name for name in RATES if name not in targets)
+    at_bias = [pl.lit(model.bias_dps.get(axis, 0.0)).alias(f"g{axis}_dps") for axis in AXES if f"g{axis}_dps" in unmeasured]
+    warnings = (*found.warnings, *corrected_otherwise(found.session.corrected, model.fitted_on.corrected))
+    return Log(found.session.runs[0].table.with_columns(at_bias), unmeasured, warnings)
+
+
+def _corrected(runs: tuple[Run, ...], model: Model, bias: str) -> tuple[list[Run], Applied]:
     known = _Biases(model, runs, bias)
-    out, results = [], []
+    out, results, quantities = [], [], []
     for run in runs:
         done = correct(model, run, known.of(run))
         columns = [pl.Series(name, done.rate_dps[:, i]) for i, name in enumerate(RATES)]
         out.append(replace(run, path=None, frame=run.table.with_columns(columns), lsb_dps=None))
-        results.append(Applied(len(run), done.applied, done.left))
-    return out, results
+        results.append(done)
+        quantities.append(columns_of(run, done.rate_dps))
+    return out, _summary(results, model, beyond(model, quantities))
 
 
-def _summary(results: list[Applied]) -> Applied:
+def _summary(results: list[Corrected], model: Model, found: Beyond) -> Applied:
     """The result over all runs. An effect counts as applied if it was removed from every run."""
     left = {effect: why for r in results for effect, why in r.left.items()}
     applied = [i for i in dict.fromkeys(i for r in results for i in r.applied) if all(i in r.applied for r in results)]
-    return Applied(sum(r.rows for r in results), applied, left)
+    return Applied(sum(len(r.rate_dps) for r in results), applied, left, dict(found.rows), warned(model, found))
 
 
 class _Biases:

@@ -21,6 +21,7 @@ from gyrocal.effects.base import Role
 from gyrocal.effects.earth_rate import EarthRate, in_known_rate
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError, did_you_mean
+from gyrocal.extras import lacking, want
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
 from gyrocal.recording.register import registered
@@ -59,6 +60,10 @@ class Estimate:
     """The sources of its errors; empty if its standard errors are not known."""
     taken: Taken = field(default=Taken(), compare=False)
     """What it was calculated from; nothing is known of it for an answer by gravity."""
+
+    def __repr__(self) -> str:
+        known = "no answer" if self.scale is None else f"scale {self.scale:.6g}, bias {self.bias_dps:.5g} dps"
+        return f"<Estimate: {self.scenario}, {self.axis}, {self.method}, {self.seconds:g} s: {known}>"
 
     @property
     def trusted(self) -> bool:
@@ -115,20 +120,23 @@ def calibrate(
     network need a pair, which is two runs of opposite true rate about one axis. The model method uses any runs that determine
     both terms, for example runs at rest and known turns. If no power cycle does so by itself, it uses all of them together
     (scenario ``all``). Without ``methods``, those that the session allows are used: ``model`` if a model is given or there is
-    no pair, ``cnn`` if the network suits a pair. Without ``warnings``, they are those of :func:`gyrocal.plausibility.check`.
-    With a latitude, the Earth's rate is part of the true rate. An estimate that a blocking warning concerns is not trusted.
+    no pair, ``cnn`` if the network suits a pair and onnxruntime is installed. Without ``warnings``, they are those of
+    :func:`gyrocal.plausibility.check`. With a latitude, the Earth's rate is part of the true rate. An estimate that a blocking
+    warning concerns is not trusted.
     Raises InputError if there is no answer at all.
     """
     session = registered(session)
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
     paired = bool(found_pairs)
     if methods is None:
-        suits = any(all(map(suits_network, pair)) for pair in found_pairs)
+        suits = not lacking("net") and any(all(map(suits_network, pair)) for pair in found_pairs)
         methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
     methods = list(methods)
     for method in methods:
         if method not in METHODS:
             raise InputError(f"--method {method}: there are {', '.join(METHODS)}{did_you_mean(method, METHODS)}")
+    if "cnn" in methods:
+        want("--method cnn", "net")
     if not paired and set(methods) - {"model"}:
         where = session.path or "the session"
         raise InputError(

@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
+from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.noise.drift import Drift
@@ -63,6 +64,8 @@ class Calibration:
     alternatives: int = 0
     faults: tuple[tuple[ReadingFault, Values], ...] = ()
     """Faults of the reading. Blocks with these faults are not used."""
+    fitted_on: FittedOn = field(default_factory=FittedOn)
+    """What the priors were fitted on. Columns see temperatures beyond its range as the nearest end of the range."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -150,7 +153,7 @@ def calibration_of(
     return Calibration(
         model.name, axis, (*run_columns, *each), tuple(shared_columns), _prior_of_bias(model, axis),
         _prior_of_scale(model, axis), noise,
-        len(each), tuple(faults),
+        len(each), tuple(faults), model.fitted_on,
     )  # fmt: skip
 
 
@@ -209,7 +212,7 @@ def run_blocks(run: Run, calibration: Calibration) -> RunBlocks:
     for c in calibration.columns:
         run = run.timed(c.effect.set(run.timing, c.values)) if isinstance(c.effect, TimingEffect) else run
     rate_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
-    as_measured = run.as_measured()
+    as_measured = calibration.fitted_on.clamped(run.as_measured())
     columns = np.column_stack([
         *(c.effect.columns(as_measured, axis, c.values)[:, c.index] for c in calibration.columns),
         np.ones(len(run)), rate_dps, run.gyro_dps[:, axis] - rate_dps,

@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal import __version__
 from gyrocal.calibration.estimator import MAX_COLUMNS, Calibration, calibration_of
+from gyrocal.error_model.fitted_on import Range
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
@@ -38,7 +39,7 @@ TEMPLATE = """\
     .ou_tau_s = {ou_tau},
     .prior_mean = gyrocal_prior_mean,
     .prior_sqrt_information = gyrocal_prior_sqrt_information,
-}};
+{fitted}}};
 
 #endif
 """
@@ -79,6 +80,7 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
         columns="gyrocal_columns" if columns else "0",
         white=_float(calibration.noise.white_sd_dps),
         ou_sd=_float(calibration.noise.ou_sd_dps), ou_tau=_float(calibration.noise.ou_tau_s),
+        fitted=c_field("fitted_temp_c", calibration.fitted_on.temp_c),
     )  # fmt: skip
 
 
@@ -111,6 +113,16 @@ def _comment(calibration: Calibration) -> str:
 def c_arguments(values: tuple[float, ...]) -> str:
     """The arguments of a column, filled up with zeros, as the elements of a C array."""
     return ", ".join(_float(v) for v in (*values, *[0.0] * (ARGUMENTS - len(values))))
+
+
+def c_span(ends: Range) -> str:
+    """A ``gc_span_t``."""
+    return "{" + ", ".join(map(_float, ends)) + "}"
+
+
+def c_field(name: str, ends: Range | None) -> str:
+    """The line that sets a field of type ``gc_span_t``; none if the range is not known."""
+    return "" if ends is None else f"    .{name} = {c_span(ends)},\n"
 
 
 def c_text(name: str) -> str:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyrocal.calibration.runtime import onnxruntime
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -21,15 +22,14 @@ from gyrocal.recording.session import Array
 
 
 def _session(path: str | Path) -> Any:
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
+    runtime = onnxruntime()
+    options = runtime.SessionOptions()
     options.intra_op_num_threads = 1
     options.log_severity_level = 4
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; write a network with `gyrocal export`")
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        return runtime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no base class in common
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not an ONNX network ({reason}); write one with `gyrocal export`") from error

@@ -47,9 +47,9 @@ class Protocol:
 
 def regressors(calibration: Calibration, run: Run) -> Array:
     """[effect columns, bias, scale] of each sample, shape [q, n]."""
-    axis = AXES.index(calibration.axis)
+    axis, within = AXES.index(calibration.axis), calibration.fitted_on.clamped(run)
     return np.array([
-        *(c.effect.columns(run, axis, c.values)[:, c.index] for c in calibration.columns),
+        *(c.effect.columns(within, axis, c.values)[:, c.index] for c in calibration.columns),
         np.ones(len(run)), run.rate_dps,
     ])  # fmt: skip
 

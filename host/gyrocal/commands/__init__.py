@@ -17,6 +17,15 @@ def want_trust(trust: bool, what: str) -> None:
         raise InputError(f"{what}. Nothing was run; if you trust this code, add --trust")
 
 
+def want_pictures(*files: Path | None) -> None:
+    """Raise InputError if one of these files is to be drawn, and what draws it is not installed."""
+    from gyrocal.extras import want
+
+    drawn = next((file for file in files if file is not None), None)
+    if drawn is not None:
+        want(f"{drawn}, which has pictures,", "plot")
+
+
 def _load(folder: Path | None) -> Path | None:
     if folder is not None:
         from gyrocal.effects import base

@@ -1,5 +1,7 @@
 """``gyrocal add``."""
 
+import os.path
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,13 +17,19 @@ def run(
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
-    """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
+    """Add an effect to a model: fit it on all data, show the error before and after on held-out data.
+
+    EFFECT and SESSION may be given in either order.
+    """
     from gyrocal.diagnosis.add import add, effect_named
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session
 
-    effect_named(effect)  # first, because effect and session are easily given in the wrong order
+    # ``os.path.exists`` and not ``Path.exists``, which raises where a formula is longer than a name of a file may be.
+    if os.path.exists(effect) and not os.path.exists(session):
+        effect, session = str(session), Path(effect)
+    effect_named(effect)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_add

@@ -18,13 +18,15 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs, or from whole runs."""
+    from gyrocal.calibration.beyond import beyond_of_calibration
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.flags import FLAGS
     from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
     from gyrocal.errors import InputError
+    from gyrocal.extras import lacking
     from gyrocal.plausibility import check
     from gyrocal.present.budget import print_budget
-    from gyrocal.present.output import emit, stdout, table
+    from gyrocal.present.output import emit, stderr, stdout, table
     from gyrocal.present.report import print_warnings
     from gyrocal.present.taken import cell
     from gyrocal.recording.session import Session
@@ -42,7 +44,9 @@ def run(
         return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
-    warnings += unanswered(opened, found, spans)
+    warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
+    if method is None and lacking("net") and any(e.method == "baseline" for e in found):
+        stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
     if as_json:
         budget = [row for e in found for row in e.budget_json()]
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})

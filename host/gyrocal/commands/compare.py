@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder, want_pictures
 
 
 def run(
@@ -35,6 +35,7 @@ def run(
             raise InputError(f"{target}: no such folder to write into")
         if target is not None and target != pictures and target.is_dir():
             raise InputError(f"{target}: a folder; give the name of a file in it")
+    want_pictures(html, pictures)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_compare

@@ -17,8 +17,10 @@ def run(
 ) -> None:
     """The whole story with no hardware: an effect hidden in a simulated device is found, added, and its error falls."""
     from gyrocal.demo import demo, show
+    from gyrocal.extras import want
     from gyrocal.present.output import emit, working
 
+    want("the demonstration", "net", "plot")
     with working(as_json) as say:
         story = demo(out, seed, say)
     if as_json:

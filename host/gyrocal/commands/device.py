@@ -26,12 +26,11 @@ def run(
             metavar="NAME[@T][:LENGTH][*TIMES]", help="Make it misbehave, T s into the first run; `list` names the faults."
         ),
     ] = None,
-    faults: Annotated[
-        str | None, typer.Option(metavar="random:SEED", help="Some faults at random times, the same ones for a seed.")
-    ] = None,
+    faults: Annotated[str | None, typer.Option(metavar="random:SEED", help="Faults at random times, by a seed.")] = None,
     fifo: Annotated[
         int, typer.Option(min=0, max=128, help="Samples taken at once out of the sensor's FIFO; 0: each as it comes.")
     ] = 0,
+    part: Annotated[str, typer.Option(metavar="NAME", help="Kind of sensor, such as MPU-6050 or ICM-42688-P.")] = "LSM6DSO",
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Stay when all is replayed, answering commands.")] = False,
@@ -61,7 +60,9 @@ def run(
         source = [device.simulated_scenario(effects or (), seed + k) for k in range(sensors)]
     _end_by_signals()
     wanted = _wanted(fault, faults, fifo)
-    simulated = device.SimulatedDevice(source, speed, stream=stream, faults=wanted, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
+    simulated = device.SimulatedDevice(
+        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold
+    )
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)
         simulated.wait()

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, want_pictures
 from gyrocal.policy import POLICY
 
 
@@ -23,6 +23,7 @@ def run(
     from gyrocal.present.output import emit, working
     from gyrocal.recording.session import Session
 
+    want_pictures(html)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_explain

@@ -13,15 +13,23 @@ def run(
     include: Annotated[
         Path | None, typer.Option(help="Folder of calibration.h and weights.h, as `gyrocal export` writes them.")
     ] = None,
+    library: Annotated[
+        bool, typer.Option("--library", help="Write a library for Arduino, PlatformIO, ESP-IDF or CMake in place of a project.")
+    ] = False,
 ) -> None:
     """Write a PlatformIO project: the firmware with the shipped headers, or those of --model and --include.
 
-    In it, `pio run -t upload` builds and flashes it, `pio device monitor` reads it.
+    In it, `pio run -t upload` builds and flashes it, `pio device monitor` reads it. With --library, the core alone: drivers,
+    calibration and protocol, with examples, for a program of your own.
     """
-    from gyrocal.core.firmware_project import create
+    from gyrocal.core.firmware_project import create, create_library
     from gyrocal.errors import InputError
 
     if axis not in ("x", "y", "z"):
         raise InputError(f"--axis {axis}: want x, y or z")
+    if library:
+        create_library(directory, model, include, axis)
+        typer.echo(f"{directory}: put it where your Arduino, PlatformIO or ESP-IDF project keeps its libraries; see examples/")
+        return
     create(directory, model, include, axis)
     typer.echo(f"{directory}: flash it with: cd {directory} && pio run -t upload && pio device monitor")

@@ -31,6 +31,7 @@ def run(
 ) -> None:
     """Many boards' sessions as one population: what they share, which are odd, and what is too small for one board to show."""
     from gyrocal.error_model.model import Model
+    from gyrocal.extras import want
     from gyrocal.fleet.engine import engine
     from gyrocal.fleet.fit import fit_fleet
     from gyrocal.fleet.listing import sessions
@@ -38,6 +39,7 @@ def run(
     from gyrocal.present.fleet_page import print_fleet, write_page
     from gyrocal.present.output import emit, stderr, working
 
+    want("fleet fit", *(() if workers == 0 else ("fleet",)), "plot")
     sessions(folder)  # refused before processes are started
     target = out or Path(f"{Path(folder.rstrip('/')).name}.fleet" if "://" in folder else f"{folder.rstrip('/')}.fleet")
     with working(as_json) as say, engine(workers, scheduler) as where:

@@ -29,6 +29,13 @@ Map = Annotated[
     list[str] | None,
     typer.Option("--map", metavar="TARGET=COLUMN[:UNIT][*FACTOR]", help="Take a column, e.g. gx_dps=gyr_x:rad/s."),
 ]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Take the guess at columns and units without asking.")]
+Format = Annotated[str | None, typer.Option("--format", help="euroc: the columns of its imu0/data.csv.")]
+Topic = Annotated[str | None, typer.Option(help="Which topic of a ROS bag or a ULog.")]
+Columns = Annotated[str | None, typer.Option(help="Names of all columns, a,b,c, where the file has none.")]
+Skip = Annotated[int | None, typer.Option(min=0, help="Lines above the header (found by itself).")]
+LsbDps = Annotated[float | None, typer.Option(help="One gyro count, dps (unit `counts`).")]
+LsbG = Annotated[float | None, typer.Option(help="One accelerometer count, g (unit `counts`).")]
 RateHz = Annotated[float | None, typer.Option(help="Samples a second; gives the time where no t_s is mapped.")]
 Runs = Annotated[
     list[str] | None,
@@ -59,21 +66,22 @@ def run(
     src: Src,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder, made anew.")],
     maps: Map = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take the guess at columns and units without asking.")] = False,
+    yes: Yes = False,
     preview: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what would be imported, as PNG.")] = None,
-    form: Annotated[str | None, typer.Option("--format", help="euroc: the columns of its imu0/data.csv.")] = None,
-    topic: Annotated[str | None, typer.Option(help="Which topic of a ROS bag or a ULog.")] = None,
-    columns: Annotated[str | None, typer.Option(help="Names of all columns, a,b,c, where the file has none.")] = None,
-    skip: Annotated[int | None, typer.Option(min=0, help="Lines above the header (found by itself).")] = None,
+    form: Format = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    skip: Skip = None,
     rate_hz: RateHz = None,
     resample_hz: Annotated[float | None, typer.Option(help="Bring faster runs to this rate by averaging.")] = None,
-    lsb_dps: Annotated[float | None, typer.Option(help="One gyro count, dps (unit `counts`).")] = None,
-    lsb_g: Annotated[float | None, typer.Option(help="One accelerometer count, g (unit `counts`).")] = None,
+    lsb_dps: LsbDps = None,
+    lsb_g: LsbG = None,
     full_scale_dps: Annotated[float | None, typer.Option(help="Where the gyro clips, dps.")] = None,
     sensor: Annotated[str | None, typer.Option(help="The part's name.")] = None,
     reference: Reference = None,
     ref_maps: RefMap = None,
     ref_clock: Annotated[str, typer.Option(help="same: one clock stamped both files; own: each its own.")] = "same",
+    ref_columns: Annotated[str | None, typer.Option(help="Names of all its columns, where it has no header.")] = None,
     ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
     gravity: Gravity = False,
     runs: Runs = None,
@@ -106,13 +114,18 @@ def run(
     }  # fmt: skip
     found = _read(src, out, append, Options(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
-        [c.strip() for c in columns.split(",")] if columns else None, skip, topic, form, sensor, full_scale_dps,
-        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz, gravity, ref_clock,
+        names_of(columns), skip, topic, form, sensor, full_scale_dps,
+        _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
     ))  # fmt: skip
     _preview(found, preview)
-    if found.guessed and not as_json:
-        _confirm(found, yes)
+    if not as_json:
+        confirmed(found, yes, "Import it so?")
     _tell(found, found.save(out, append=append), out, as_json)
+
+
+def names_of(columns: str | None) -> list[str] | None:
+    """The names of columns in an option that lists them with commas."""
+    return [name.strip() for name in columns.split(",")] if columns else None
 
 
 def _cuts(runs: list[str] | None, sections: Path | None) -> "list[Cut]":
@@ -131,15 +144,17 @@ def _facts(given: dict[str, Any]) -> dict[str, Any]:
     return facts
 
 
-def _second(file: Path | None, maps: list[str] | None, clock: str, topic: str | None) -> "SecondFile | None":
+def _second(
+    file: Path | None, maps: list[str] | None, clock: str, topic: str | None, names: list[str] | None
+) -> "SecondFile | None":
     from gyrocal.errors import InputError
     from gyrocal.recording.second_file import SecondFile
 
     if clock not in ("same", "own"):
         raise InputError(f"--ref-clock {clock}: there are same and own")
-    if file is None and maps:
-        raise InputError("--ref-map takes columns of a second file; give it by --reference FILE")
-    return SecondFile(file, maps or (), clock, topic) if file is not None else None
+    if file is None and (maps or names):
+        raise InputError(f"--ref-{'map' if maps else 'columns'} takes columns of a second file; give it by --reference FILE")
+    return SecondFile(file, maps or (), clock, topic, names) if file is not None else None
 
 
 def _read(src: Path, out: Path, append: bool, options: "Options") -> "Imported":
@@ -157,20 +172,37 @@ def _preview(found: "Imported", file: Path | None) -> None:
         draw(found.session, file)
 
 
-def _confirm(found: "Imported", yes: bool) -> None:
-    """Show a guess, and ask a person whether to take it."""
+def confirmed(found: "Imported", yes: bool, question: str) -> None:
+    """Show what each column is taken for, and ask a person whether to take a guess."""
+    _show(found)
+    _confirm(found, yes, question)
+
+
+def _show(found: "Imported") -> None:
+    """Show what each column is taken for, with its first cells as they are in the file."""
+    from gyrocal.present.output import table
+
+    files = {each.file for each in found.first_rows}
+    rows = [
+        [each.map, "  ".join(each.values), f"{Path(each.file).name}: {each.why}" if len(files) > 1 else each.why]
+        for each in found.first_rows
+    ]
+    named = [[f"{g.option} {g.map}", "", g.why] for g in found.guessed if g.option not in ("--map", "--ref-map")]
+    title = "A guess at the columns" if found.guessed else "The columns"
+    table(f"{title}, with their first rows", ["taken as:", "first values:", "why:"], rows + named)
+
+
+def _confirm(found: "Imported", yes: bool, question: str) -> None:
     import sys
 
     from gyrocal.errors import InputError
-    from gyrocal.present.output import table
 
-    table("A guess at the columns", ["taken as:", "why:"], [[g.map, g.why] for g in found.guessed])
-    if yes:
+    if yes or not found.guessed:
         return
     same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
     if not sys.stdin.isatty():
         raise InputError(f"nobody is there to confirm this guess; take it by --yes, or change it: {same}")
-    if not typer.confirm("Import it so?", default=True):
+    if not typer.confirm(question, default=True):
         raise InputError(f"nothing is written; change the guess and run it again with: {same}")
 
 
@@ -185,6 +217,7 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
         emit({
             "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": found.repaired,
             "guessed": [g.map for g in found.guessed], "warnings": [w.to_json() for w in warnings],
+            "first_rows": [each.to_json() for each in found.first_rows],
         })  # fmt: skip
         return
     print_warnings(warnings)

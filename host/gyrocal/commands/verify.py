@@ -26,8 +26,10 @@ def run(
 ) -> None:
     """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""
     from gyrocal.core.verify import verify
+    from gyrocal.extras import want
     from gyrocal.present.output import emit
 
+    want("verify", "net")
     if header is not None and header.exists():
         want_trust(trust, f"--header {header}: this C code is compiled, and then run on this machine")
     found = verify(net, header, seed, windows)

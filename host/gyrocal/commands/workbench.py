@@ -24,7 +24,8 @@ def run(
     from gyrocal.web.server import serve
 
     if session is not None:
-        from gyrocal.recording.header import read_header
+        from gyrocal.recording.header import folder_of, read_header
 
+        session = folder_of(session)
         read_header(session)
     serve(session, port, host, http_port, browser=browser)

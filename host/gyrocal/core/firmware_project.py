@@ -1,4 +1,4 @@
-"""A PlatformIO project with the firmware's sources and chosen headers: what is flashed to a board."""
+"""The firmware's sources with chosen headers: a PlatformIO project to be flashed, or the core as a library."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import shutil
 from pathlib import Path
 
 from gyrocal.errors import InputError
-from gyrocal_firmware import INCLUDE, ROOT
+from gyrocal_firmware import CORE, INCLUDE, LIBRARY, ROOT, SRC
 
 PARTS = ("platformio.ini", "partitions.csv", "src", "lib", "include", "sim", "test", "monitor")
 HEADERS = ("calibration.h", "weights.h")
 MINE = "; The firmware as a PlatformIO project"
+LIBRARY_MANIFEST = "library.properties"
+LIBRARY_MINE = "name=gyrocal_core"
+_NO_CACHES = shutil.ignore_patterns("__pycache__", "*.pyc")
 
 
 def create(directory: Path, model: str | None = None, include: Path | None = None, axis: str = "z") -> None:
@@ -26,12 +29,11 @@ def create(directory: Path, model: str | None = None, include: Path | None = Non
     """
     _check_target(directory)
     headers = _headers(model, include, axis)
-    ignore = shutil.ignore_patterns("__pycache__", "*.pyc")
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for part in PARTS:
             if (ROOT / part).is_dir():
-                shutil.copytree(ROOT / part, directory / part, dirs_exist_ok=True, ignore=ignore)
+                shutil.copytree(ROOT / part, directory / part, dirs_exist_ok=True, ignore=_NO_CACHES)
             else:
                 shutil.copyfile(ROOT / part, directory / part)
         for name, text in headers.items():
@@ -40,13 +42,37 @@ def create(directory: Path, model: str | None = None, include: Path | None = Non
         raise InputError(f"{error.filename}: {error.strerror}") from None
 
 
-def _check_target(directory: Path) -> None:
+def create_library(directory: Path, model: str | None = None, include: Path | None = None, axis: str = "z") -> None:
+    """Write the core as a library for Arduino, PlatformIO, ESP-IDF and CMake. One that was written before is updated.
+
+    Args:
+        directory: the folder to write: new, empty, or a library written before.
+        model, include, axis: as :func:`create`.
+
+    Raises:
+        InputError: as :func:`create`.
+    """
+    _check_target(directory, LIBRARY_MANIFEST, LIBRARY_MINE)
+    headers = _headers(model, include, axis)
+    try:
+        shutil.copytree(LIBRARY, directory, dirs_exist_ok=True, ignore=_NO_CACHES)
+        shutil.copytree(CORE, directory / "src", dirs_exist_ok=True, ignore=shutil.ignore_patterns("library.json", "*.pyc"))
+        for name in ("headers.c", "headers.h"):
+            shutil.copyfile(SRC / name, directory / "src" / name)
+        for name in HEADERS:
+            text = headers.get(name, (INCLUDE / name).read_text(encoding="utf-8"))
+            (directory / "src" / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{error.filename}: {error.strerror}") from None
+
+
+def _check_target(directory: Path, manifest: str = "platformio.ini", mine: str = MINE) -> None:
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: not a folder; give a new one")
     if directory.is_dir() and any(directory.iterdir()):
-        project = directory / "platformio.ini"
-        if not project.is_file() or not project.read_text(encoding="utf-8", errors="replace").startswith(MINE):
-            raise InputError(f"{directory}: not empty, and no project of gyrocal's; give a new folder")
+        project = directory / manifest
+        if not project.is_file() or not project.read_text(encoding="utf-8", errors="replace").startswith(mine):
+            raise InputError(f"{directory}: not empty, and not what gyrocal wrote there before; give a new folder")
 
 
 def _headers(model: str | None, include: Path | None, axis: str) -> dict[str, str]:

@@ -66,13 +66,18 @@ class Sensor:
     """The results that came before the device started again."""
     restarts: int = 0
     """Restarts of the device that this sensor's sentences have told of."""
-    _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
+    _arrivals: deque[tuple[float, int, int, int]] = field(default_factory=deque, repr=False)
+    """Of the samples that came together: this machine's time, s, their number, and the device's times of the first and the
+    last one, us."""
 
     def take(self, samples: list[Event]) -> None:
         """Count ``samples`` that have arrived now, and keep the last one."""
         self.samples += len(samples)
         self.latest = samples[-1]
-        self._arrivals.append((time.monotonic(), len(samples)))
+        first_us, last_us = samples[0]["t_us"], samples[-1]["t_us"]
+        if self._arrivals and first_us < self._arrivals[-1][3]:
+            self._arrivals.clear()  # the device's clock began anew
+        self._arrivals.append((time.monotonic(), len(samples), first_us, last_us))
 
     def run_s(self) -> float:
         """The length of the device's run in progress so far in s; 0 between runs."""
@@ -81,13 +86,17 @@ class Sensor:
         return 0.0 if self.state != "recording" or not rate_hz else (number + 1) / rate_hz
 
     def rate_hz(self) -> float:
-        """The mean number of samples per second over the last two seconds of this machine's time."""
+        """The mean number of samples per second of the device's time, of those that came in the last two seconds.
+
+        A simulated device may play faster than in real time; its sampling rate is the same then.
+        """
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0][0] > RATE_OVER_S:
             self._arrivals.popleft()
         if not self._arrivals:
             return 0.0
-        return sum(n for _, n in self._arrivals) / max(now - self._arrivals[0][0], 0.1)
+        span_s = 1e-6 * (self._arrivals[-1][3] - self._arrivals[0][2])
+        return (sum(n for _, n, *_ in self._arrivals) - 1) / span_s if span_s > 0 else 0.0
 
 
 @dataclass
@@ -152,9 +161,9 @@ class Monitor:
         return list(self._told)
 
     def counts(self) -> dict[str, int]:
-        """The numbers of good, lost and bad sentences so far, and of restarts of the device."""
+        """The numbers of good, lost and bad sentences so far, of bytes that belong to none, and of restarts of the device."""
         r = self.link.reader
-        return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
+        return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "skipped": r.skipped, "restarts": r.restarts}
 
     def ask_state(self) -> None:
         """Ask the device for its state, which the next ``$STA`` tells."""

@@ -22,7 +22,8 @@ BAUD = 921600
 POLL_S = 0.05
 """The longest time that a read takes."""
 CHUNK = 65536
-HELLO_S = 5.0
+HELLO_S = 10.0
+"""A board that starts searches its buses first; one without a sensor searches other pins too."""
 ANSWER_S = 3.0
 RETRY_S = 0.5
 REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
@@ -86,6 +87,13 @@ class SerialPort(Port):
             raise _gone(self.name, error) from None
 
     def close(self) -> None:
+        """Close the port without a reset of the board.
+
+        RTS alone pulls the reset line, and Windows lets go of DTR first when a port is closed: so RTS goes before it.
+        """
+        with contextlib.suppress(OSError):
+            self._serial.rts = False
+            self._serial.dtr = False
         with contextlib.suppress(OSError):
             self._serial.close()
 
@@ -234,9 +242,9 @@ class Link:
             while not self.answered:
                 now = time.monotonic()
                 if now > deadline:
-                    heard = (
-                        f"{len(kept)} sentences but no $HEL" if kept else f"{self.reader.bad} lines that do not check"
-                    )
+                    reader = self.reader
+                    damage = f"{reader.bad} lines that do not check, {reader.skipped} bytes that are no text of a device"
+                    heard = f"{len(kept)} sentences but no $HEL" if kept else damage
                     raise DeviceError(
                         f"{self.name}: no hello from a gyrocal device within {timeout_s:g} s ({heard}); "
                         f"is its firmware on it, at {self._baud} baud?"

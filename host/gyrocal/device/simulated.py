@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gyrocal.device.outlet import make_outlet
 from gyrocal.device.rows import rows_file
-from gyrocal.device.simulator import check_exit, serve, sim_command
+from gyrocal.device.simulator import DEFAULT_PART, check_exit, serve, sim_command
 from gyrocal.device.wire import Reader, Sentence
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.recording.session import Session
@@ -26,6 +26,7 @@ def replay(
     stream: str = "raw",
     faults: Sequence[str] = (),
     fifo: int = 0,
+    part: str = DEFAULT_PART,
     include_dir: Path | None = None,
 ) -> list[Sentence]:
     """Run a session through the device at full speed, without a port, and return its sentences.
@@ -34,7 +35,7 @@ def replay(
         DeviceError: the simulator failed, or a sentence was lost.
     """
     with rows_file(session) as rows:
-        command = sim_command(rows, stream=stream, faults=faults, fifo=fifo, include_dir=include_dir)
+        command = sim_command(rows, stream=stream, faults=faults, fifo=fifo, part=part, include_dir=include_dir)
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     check_exit(done.returncode, done.stderr)
     reader = Reader()
@@ -51,6 +52,7 @@ class SimulatedDevice:
         session: the session to replay, or its folder; several for a board with one sensor for each.
         speed: ``max``, or the factor by which it is faster than real time.
         fifo: the number of samples that the device takes from the sensor's FIFO at once; 0 for none.
+        part: the kind of sensor.
         include_dir: the folder of calibration.h and weights.h, if not the shipped ones.
         tcp: ``HOST:PORT`` for a TCP port instead of a pseudo terminal.
         hold: True to keep the device running after the last row, so that it answers commands.
@@ -65,6 +67,7 @@ class SimulatedDevice:
         stream: str = "raw",
         faults: Sequence[str] = (),
         fifo: int = 0,
+        part: str = DEFAULT_PART,
         tcp: str | None = None,
         symlink: Path | None = None,
         hold: bool = False,
@@ -78,7 +81,7 @@ class SimulatedDevice:
             self._commands = [
                 sim_command(
                     stack.enter_context(rows_file(one)), imu=imu, speed=text, stream=stream, faults=faults, fifo=fifo,
-                    hold=hold, include_dir=include_dir,
+                    part=part, hold=hold, include_dir=include_dir,
                 )
                 for imu, one in enumerate(sensors)
             ]  # fmt: skip

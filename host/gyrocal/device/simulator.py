@@ -17,6 +17,9 @@ from gyrocal.errors import DeviceError, InputError
 
 WAIT_S = 0.02
 CARRY = 4096
+DEFAULT_PART = "LSM6DSO"
+WITH_FIFO = ("LSM6DSO", "LSM6DSR")
+"""How the names of sensors begin whose FIFO the firmware uses."""
 
 
 def sim_command(
@@ -27,22 +30,42 @@ def sim_command(
     stream: str = "raw",
     faults: Sequence[str] = (),
     fifo: int = 0,
+    part: str = DEFAULT_PART,
     hold: bool = False,
     include_dir: Path | None = None,
 ) -> list[str]:
     """The command line of the simulator, which is compiled if necessary.
 
-    ``imu`` is the sensor's number on its board. ``fifo`` is the number of samples that the device takes from the
-    sensor's FIFO at once, or 0. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
+    ``imu`` is the sensor's number on its board, ``part`` its kind. ``fifo`` is the number of samples that the device takes
+    from the sensor's FIFO at once, or 0. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
     """
     from gyrocal.core import library
 
     binary = library.build_sim() if include_dir is None else library.build_sim(include_dir)
     command = [str(binary), str(rows), "--imu", str(imu), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
     check_faults(faults, fifo)
+    if part != DEFAULT_PART:
+        _check_part(part, fifo)
+        command += ["--sensor", part]
     for fault in faults:
         command += ["--fault", fault]
     return [*command, "--hold"] if hold else command
+
+
+def part_names() -> list[str]:
+    """The kinds of sensors that the simulator knows."""
+    from gyrocal.core import library
+
+    done = subprocess.run([library.build_sim(), "--sensor", "list"], capture_output=True, text=True, check=False)
+    return done.stdout.split()
+
+
+def _check_part(part: str, fifo: int) -> None:
+    names = part_names()
+    if part not in names:
+        raise InputError(f"--part {part}: want one of {', '.join(names)}")
+    if fifo and not part.startswith(WITH_FIFO):
+        raise InputError(f"--fifo {fifo}: the FIFO of the {part} is not used; leave --fifo out")
 
 
 class Simulator:

@@ -186,45 +186,48 @@ def _parse(line: bytes) -> Sentence | None:
 class Reader:
     """Cuts a stream of chunks into sentences and counts errors.
 
+    A sentence is what follows the last ``$`` of a line. In front of it may be noise: a board that starts sends the log of its
+    boot at another speed and without a newline.
+
     ``bad`` counts lines that start with ``$`` but are not valid, ``lost`` sentences that never came, because the device dropped
-    them or they were damaged, ``overlong`` lines of more than 320 bytes, ``restarts`` decreases of a sequence number, which
-    show a restart of the device. ``logs`` holds the latest ``#`` lines.
+    them or they were damaged, ``overlong`` lines of the protocol of more than 320 bytes, ``skipped`` bytes that belong to no
+    line of the protocol, ``restarts`` decreases of a sequence number, which show a restart of the device. ``logs`` holds the
+    latest ``#`` lines.
     """
 
     good: int = 0
     bad: int = 0
     lost: int = 0
     overlong: int = 0
+    skipped: int = 0
     restarts: int = 0
     logs: deque[str] = field(default_factory=lambda: deque(maxlen=100))
     _rest: bytes = b""
-    _skipping: bool = False
+    _is_cut: bool = False
+    """The beginning of the line in progress has been dropped and counted."""
+    _is_noise: bool = False
     _next: dict[int, int] = field(default_factory=dict)
 
     def feed(self, chunk: bytes) -> list[Sentence]:
         """Take a chunk and return the sentences that it completes, in order."""
         lines = (self._rest + chunk).split(b"\n")
         self._rest = lines.pop()
-        if self._skipping and lines:
-            self._skipping = False
-            del lines[0]
-        if len(self._rest) >= MAX_LINE or self._skipping:
-            self.overlong += not self._skipping
-            self._skipping = True
-            self._rest = b""
-
         sentences = []
         following = self._next
         for line in lines:
             sentence = _parse(line)
             if sentence is None:
-                self._count_other(line)
+                sentence = self._rescue(line)
+            self._is_cut = False
+            if sentence is None:
                 continue
             sentences.append(sentence)
             _, seq, _, imu, _ = sentence
             if seq != following.get(imu, seq):
                 self._count_jump((seq - following[imu]) % SEQ_RANGE)
             following[imu] = (seq + 1) % SEQ_RANGE
+        if len(self._rest) >= MAX_LINE:
+            self._drop_beginning()
         self.good += len(sentences)
         return sentences
 
@@ -234,10 +237,30 @@ class Reader:
         else:
             self.restarts += 1
 
-    def _count_other(self, line: bytes) -> None:
-        if len(line) >= MAX_LINE:
-            self.overlong += 1
-        elif line.startswith(b"$"):
-            self.bad += 1
-        elif line.startswith(b"#"):
-            self.logs.append(line[1:].decode("utf-8", "replace").strip())
+    def _rescue(self, line: bytes) -> Sentence | None:
+        """The sentence after the last ``$`` of a line that is not a sentence as a whole."""
+        at = line.rfind(b"$")
+        sentence = _parse(line[at:]) if at > 0 else None
+        self._count_other(line if sentence is None else line[:at], len(line) >= MAX_LINE)
+        return sentence
+
+    def _drop_beginning(self) -> None:
+        """Keep of a line that is too long only what may be the beginning of a sentence."""
+        at = self._rest.rfind(b"$")
+        kept = self._rest[at:] if at > 0 and len(self._rest) - at < MAX_LINE else b""
+        self._count_other(self._rest[: len(self._rest) - len(kept)], is_overlong=True)
+        self._rest, self._is_cut = kept, True
+
+    def _count_other(self, other: bytes, is_overlong: bool) -> None:
+        if not self._is_cut:
+            self._is_noise = other[:1] not in (b"$", b"#", b">")
+            if self._is_noise:
+                pass
+            elif is_overlong:
+                self.overlong += 1
+            elif other.startswith(b"$"):
+                self.bad += 1
+            elif other.startswith(b"#"):
+                self.logs.append(other[1:].decode("utf-8", "replace").strip())
+        if self._is_noise:
+            self.skipped += len(other)

@@ -30,6 +30,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.expected import of_cycle
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.kept import Kept, kept
+from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.units import to_read
@@ -94,8 +95,8 @@ def _as_it_is(own: Comparison, held: Kept) -> Comparison:
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in axes}
     angles = None if own.angles is None else Angles.of(held.fit, folds, held.of_model)
     return replace(
-        own, fit=held.fit, pooled=pooled(squares.values(), floors.values()), per_axis=per_axis, held_out=heldout.SESSION,
-        squares=squares, floors=floors, white_power=white, angles=angles,
+        own, fit=held.fit, pooled=pooled(squares, floors, absent(own.warnings)), per_axis=per_axis,
+        held_out=heldout.SESSION, squares=squares, floors=floors, white_power=white, angles=angles,
     )  # fmt: skip
 
 

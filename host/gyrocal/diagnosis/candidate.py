@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
+from gyrocal.evidence.checked import Checks
 from gyrocal.recording.session import AXES, Array
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
@@ -20,8 +21,8 @@ class Candidate:
     ``values`` and ``se`` are in the units of the effect's parameters. ``gain`` and ``gain_se`` are the held-out gain in
     log-likelihood and its standard error; they are None where nothing can be held out. ``excess_drop_dps`` is the excess on
     this axis without the effect minus that with it, deg/s, with its standard error. ``chance`` is the probability that noise
-    alone gains as much. ``signal`` [blocks] is the fitted term without the part that the model already explains, and
-    ``unit_gains`` [units] are the gains of the held-out units.
+    alone gains as much. ``signal`` [blocks] is the fitted term without the part that the model already explains, NaN in blocks
+    that the effect does not see, and ``unit_gains`` [units] are the gains of the held-out units.
     """
 
     effect: Effect
@@ -48,8 +49,23 @@ class Candidate:
     enough: bool = False
     """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
 
+    log_odds: float | None = None
+    """Logarithm of the odds of the sets that hold the effect, as if the world outside them had one of the rests' shapes."""
+    probability: float | None = None
+    """The probability that the effect acts on the axis, given the session and all sets of effects that were compared."""
+    checks: Checks | None = None
+    """Its two checks; None if it does not lead."""
     contradicted: bool = False
     """True if the fit contradicts what the effect is, or if something else that is no effect of the library fits better."""
+
+    @property
+    def named(self) -> bool:
+        """True if it is sure: it is to be added, and no other effect explains the session as well."""
+        return self.decision == "add" and len(self.group) <= 1
+
+    def __repr__(self) -> str:
+        gain = "" if self.gain is None else f", held-out gain {self.gain:.3g}"
+        return f"<Candidate: {self.effect.id} on {self.axis}, {self.decision}{gain}>"
 
     def to_json(self) -> dict[str, Any]:
         units = {p.name: p.unit for p in self.effect.parameters}
@@ -74,7 +90,11 @@ class Candidate:
             "together": list(self.together),
             "decision": self.decision,
             "next_measurement": self.next_measurement,
-        }
+            "probability": self.probability,
+            "checks": None if self.checks is None else {
+                "share": self.checks.share, "same_in_parts_p": self.checks.same_in_parts_p
+            },
+        }  # fmt: skip
 
 
 def _finite(value: float | None) -> float | None:

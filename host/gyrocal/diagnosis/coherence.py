@@ -7,6 +7,8 @@ that is fixed to the table keeps its phase exactly. Stick-slip and two-point con
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
@@ -15,6 +17,8 @@ from gyrocal.recording.session import Array
 
 LEAST_PERIODS = 1.5
 """Number of periods in a part."""
+MOSTLY = 0.5
+"""Part of a wave that the reference holds at least, if the wave is the reference's."""
 
 
 def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
@@ -48,6 +52,27 @@ def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     beyond = incoherent - degrees * noise
     certain = beyond > POLICY.coherence_errors * noise * np.sqrt(2 * degrees)
     return not certain or of_run > least * (of_run + beyond)
+
+
+def of_the_reference(fitted: AxisFit, waves: Sequence[Array]) -> bool:
+    """True if the reference holds the wave that a fit finds in what is left of the readings.
+
+    ``waves`` are the fitted wave in the blocks of each run, deg/s. What is left is the reading less the reference, so that a
+    wave of the reference alone, such as the beat of an encoder's steps with the sampling, is there with the opposite sign. One
+    that both have is a motion, of which an error in proportion to the motion leaves a part.
+    """
+    held = power = 0.0
+    for block, wave in zip(fitted.design.blocks, waves, strict=True):
+        run = block.run
+        if not wave.size or run.rate_is_mean or not np.any(wave):
+            continue
+        known = fitted.design.axis == run.axis_index
+        reference = block.mean(run.rate_dps[:, None])[:, 0] if known else np.zeros(wave.size)
+        for part in np.array_split(np.arange(wave.size), _parts(wave[:, None])):
+            of_reference, of_wave = _without_trend(np.column_stack([reference, wave])[part], np.ones(part.size)).T
+            held += float(of_reference @ of_wave)
+            power += float(of_wave @ of_wave)
+    return abs(held) > MOSTLY * power
 
 
 def _without_trend(columns: Array, weight: Array) -> Array:

@@ -213,9 +213,10 @@ def measure(
     warnings = plausibility.of_fit(fitted, warnings, failing)
     if failing:
         fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
+    together = pooled(squares, floors, plausibility.absent(warnings))
     return Comparison(
-        fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
-        floors, misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
+        fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
+        misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 
@@ -279,7 +280,7 @@ def _held_out(session: Session, folds: list[heldout.Fold]) -> str:
 def with_floor_of(before: Comparison, after: Comparison) -> Comparison:
     """The comparison of the poorer model, with its excess computed over the floor of the richer model."""
     per_axis = {a: Level.of(before.squares[a], after.floors[a]) for a in before.per_axis}
-    together = pooled(before.squares.values(), (after.floors[a] for a in before.squares))
+    together = pooled(before.squares, after.floors, plausibility.absent(before.warnings))
     angles = before.angles and after.angles and replace(before.angles, noise=after.angles.noise)
     return replace(
         before, pooled=together, per_axis=per_axis, floors={a: after.floors[a] for a in before.floors}, angles=angles

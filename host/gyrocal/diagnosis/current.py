@@ -93,7 +93,7 @@ class Current:
     def of_runs(self, kept: Mask) -> Current:
         """The same model fitted to the runs with True in ``kept`` [runs], for an effect whose data the others lack."""
         whole = self.comparison.fit
-        blocks = [b for b, keep in zip(self.fit.design.blocks, kept, strict=True) if keep]
+        blocks = [b for b, keep in zip(self.fit.design.given, kept, strict=True) if keep]
         design = self.fit.design.over(blocks)
         fitted = fit_noise(design, start=with_noise(design, self.fit.noise, unknown_spreads(design)))
         part = replace(

@@ -18,6 +18,7 @@ from gyrocal.diagnosis import naming
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.probability import OnAxis, with_probabilities
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
@@ -35,6 +36,8 @@ class Diagnosis(Shown):
     candidates: list[Candidate]
     unknown: dict[str, Any] | None
     comparison: Comparison = field(repr=False)
+    alternatives: list[OnAxis] = field(default_factory=list, repr=False)
+    """The sets of effects that explain an axis together, the most probable first on each axis."""
 
     @property
     def best(self) -> Candidate | None:
@@ -45,6 +48,7 @@ class Diagnosis(Shown):
         return {
             "verdict": self.verdict, "residual": "rate" if self.comparison.angles is None else "angle",
             "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown,
+            "alternatives": [a.to_json() for a in self.alternatives],
             "warnings": [w.to_json() for w in self.comparison.warnings],
         }  # fmt: skip
 
@@ -68,7 +72,8 @@ def diagnose(
     if not comparison.where and not comparison.implausible:
         comparison = replace(comparison, where=naming.findings(comparison, judged))
     verdict = verdict_on(comparison, judged)
-    return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison)
+    judged, alternatives = with_probabilities(judged, comparison, progress)
+    return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison, alternatives)
 
 
 class Compared(Protocol):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.coherence import keeps_its_phase
+from gyrocal.diagnosis.coherence import keeps_its_phase, of_the_reference
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
@@ -26,6 +26,7 @@ from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import Spreads
+from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
@@ -50,7 +51,7 @@ def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask
     """A candidate that was judged on some of the runs, with its signal and gains unknown (NaN) in the others."""
     signal, gains = of_part.signal, of_part.unit_gains
     if signal is not None:
-        known = np.repeat(kept, whole.fit.design.n_blocks)
+        known = np.repeat(kept, [b.start.size for b in whole.fit.design.given])
         signal, of_kept = np.full(known.size, np.nan), signal
         signal[known] = of_kept
     if gains is not None:
@@ -105,7 +106,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     )  # fmt: skip
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
-        next_measurement=next_one, signal=signal, unit_gains=gains, explained=excess.part,
+        next_measurement=next_one, signal=_over_given(fitted, signal), unit_gains=gains, explained=excess.part,
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not contradicted,
         gain_noise=_gain_noise(fitted), contradicted=contradicted,
     )  # fmt: skip
@@ -120,7 +121,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a wave changes its phase within the runs, or if its sizes contradict their dependence on the rate."""
+    """True if a wave changes its phase within the runs, is the reference's, or has sizes that contradict those by the rate."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
     if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
@@ -134,6 +135,8 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
         fitted.run_coefficients(i, fitted.solution.beta, free)[own] @ fitted.design.columns(i)[[first + j for j in own]]
         for i in range(len(fitted.design.blocks))
     ]
+    if of_the_reference(fitted, parts):
+        return True
     sizes_dps = np.array([np.sqrt(np.mean(part**2)) if part.size else 0.0 for part in parts])
     return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
 
@@ -170,6 +173,7 @@ def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:
 
 def _better(current: AxisFit, fitted: AxisFit, shape: Effect, penalty: float = 0.0) -> bool:
     """True if a shape gains more than a fitted effect by at least ``penalty``, and the effect hardly adds to the shape."""
+    current, fitted = on_same_blocks(current, fitted)
     other = Term("mistaken", AXES[current.design.axis], {}, own=shape)
     beside = refine(choose_variant(current, other))
     found = beside.terms[-1]
@@ -195,8 +199,13 @@ def not_measurable(current: Current, effect: Effect, lacking: str) -> Candidate:
     signal = None
     if all(column is not None for column in known):
         means = [b.mean(np.asarray(c)[:, None])[:, 0] for b, c in zip(current.fit.design.blocks, known, strict=True)]
-        signal = _beside_model(current.fit, means)
+        signal = _over_given(current.fit, _beside_model(current.fit, means))
     return Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}", signal=signal)
+
+
+def _over_given(fitted: AxisFit, signal: Array) -> Array:
+    """A signal of the blocks that a fit sees over all blocks, so that signals of different candidates compare."""
+    return fitted.design.over_given(np.split(signal, np.cumsum(fitted.design.n_blocks)[:-1]))
 
 
 def _beside_model(fitted: AxisFit, means: Sequence[Array]) -> Array:

@@ -6,11 +6,16 @@ import numpy as np
 
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.recording.session import Array
 
 
 def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> Array:
-    """Gain in predictive log-likelihood of each held-out unit (power cycle, run or block of time), shape [units]."""
+    """Gain in predictive log-likelihood of each held-out unit (power cycle, run or block of time), shape [units].
+
+    Only blocks that both fits see count.
+    """
+    current, fitted = on_same_blocks(current, fitted)
     gains: list[float] = []
     for before, after in zip(heldout.steps(current, folds), heldout.steps(fitted, folds), strict=True):
         gains += [after.gain[name] - before.gain[name] for name in before.gain]

@@ -7,7 +7,7 @@ fitted noise. The excess is ``sqrt(max(0, rms^2 - floor^2))``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -131,11 +131,14 @@ def excess_of(difference: float, error: float, white: float) -> tuple[float, flo
     ``error`` is the standard error of the difference for noise alone. A systematic residual also correlates with the white
     noise by chance, which adds ``4·difference·white``; ``white`` is the noise of one sample over the number of samples, dps^2.
     The error of the excess is half the width of the interval into which one standard error moves it, as the square root has no
-    slope at zero.
+    slope at zero. It is at least a third of the way that three standard errors move it, up or down: an excess is beyond three
+    of its errors only if the difference is.
     """
     power = max(0.0, difference)
     se = float(np.sqrt(error**2 + 4 * power * white))
-    return float(np.sqrt(power)), float(np.sqrt(power + se) - np.sqrt(max(0.0, power - se))) / 2
+    low, excess, high = (float(np.sqrt(max(0.0, power + k * se))) for k in (-3, 0, 3))
+    half = float(np.sqrt(power + se) - np.sqrt(max(0.0, power - se))) / 2
+    return excess, max(half, (excess - low) / 3, (high - excess) / 3)
 
 
 def explained(before: Level, after: Level, cycles: int) -> float | None:
@@ -153,9 +156,12 @@ def explained(before: Level, after: Level, cycles: int) -> float | None:
     return None
 
 
-def pooled(squares: Iterable[MeanSquares], floors: Iterable[Floor]) -> Level:
-    """The level of several axes together: their mean squares weighted by their numbers of samples."""
-    pairs = list(zip(squares, floors, strict=True))
+def pooled(squares: Mapping[str, MeanSquares], floors: Mapping[str, Floor], absent: Set[str] = frozenset()) -> Level:
+    """The level of several axes together: their mean squares weighted by their numbers of samples.
+
+    Axes that are ``absent``, whose readings are one value, have no part in it unless all are.
+    """
+    pairs = [(squares[axis], floors[axis]) for axis in squares if axis not in absent or absent >= squares.keys()]
     samples = sum(s.samples for s, _ in pairs)
     weights = [s.samples / samples if samples else 1 / len(pairs) for s, _ in pairs]
 

@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.hump import hump
@@ -52,7 +53,16 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {rate_text(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
     line_hz = peak.frequency_hz
+    strength = _at_least(strength, peak.chance)
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
+
+
+def _at_least(strength: float, chance: float) -> float:
+    """The strength of a line over the noise of all frequencies, or what its chance says, if that is more.
+
+    The chance is that beside the neighbours of the line, which may lie far below the noise of all frequencies together.
+    """
+    return max(strength, float(tails.normal_z(max(chance, np.finfo(np.float64).tiny))))
 
 
 def _unexplained_peak(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Peak | None:
@@ -99,6 +109,7 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
     noise_dps = fitted.axes[axis].noise.white_sd_dps
     strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
     note = f"a line of {rate_text(peak.amplitude_dps)}, {peak.words()}"
+    strength = _at_least(strength, peak.chance)
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 

@@ -64,7 +64,7 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
         nearest = comparison.nearest.get(c.axis)
         strength = float(np.sqrt(tails.chi_square_value(max(c.chance, 1e-300), 1)))
         blocks = sum(len(b.run) for b in comparison.fit.blocks)
-        amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
+        amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * np.nansum(c.signal**2) / blocks))
         note = f"rms {rate_text(amplitude / np.sqrt(2))}, in the shape of: {c.effect.title.lower()}"
         against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
         if c.effect.shown_against:

@@ -46,8 +46,9 @@ def _as_large(c: Candidate, unmeasured: Candidate) -> bool:
     """True if an effect makes the signal of a candidate at a physical size. Its own signal is that of one unit."""
     assert c.signal is not None
     assert unmeasured.signal is not None
+    both = np.isfinite(c.signal) & np.isfinite(unmeasured.signal)
     largest = max((p.typical[1] for p in unmeasured.effect.parameters if p.sized), default=np.inf)
-    size = float(np.linalg.norm(c.signal) / np.linalg.norm(unmeasured.signal))
+    size = float(np.linalg.norm(c.signal[both]) / np.linalg.norm(unmeasured.signal[both]))
     return size <= POLICY.range_factor * largest
 
 

@@ -213,8 +213,10 @@ def _same_but_simpler(other: EffectSet, than: EffectSet, current: Current) -> bo
 
 
 def _change(of: EffectSet, current: Current) -> Array:
-    """What a set takes from the residual of each block [blocks], deg/s, scaled by the square root of the number of samples."""
-    blocks = enumerate(current.fit.design.blocks)
-    return np.concatenate([
-        (current.fit.block_residuals(i) - of.fitted.block_residuals(i)) * np.sqrt(b.n) for i, b in blocks
-    ])  # fmt: skip
+    """What a set takes from the residual of each block [blocks], deg/s, scaled by the square root of the number of samples.
+
+    NaN for a block that the set or the model does not see.
+    """
+    runs = range(len(current.fit.design.blocks))
+    before, after = (fit.design.over_given([fit.block_residuals(i) for i in runs]) for fit in (current.fit, of.fitted))
+    return (before - after) * np.sqrt(np.concatenate([b.n for b in current.fit.design.given]))

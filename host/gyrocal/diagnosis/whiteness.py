@@ -78,6 +78,8 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     for first, last in ranges:
         band = reduce(_Band.with_next, bands[first : last + 1])
         beside = [bands[first - 1], *bands[last + 1 : last + 2]]
+        if not all(other.mean > 0 for other in beside):  # absurd readings, beside which rounding has left nothing
+            continue
         chances = [_chance(band, other) for other in beside]
         chance = min(1.0, len(ranges) * max(chances))
         if chance < alarm and (worst is None or chance < worst.chance):

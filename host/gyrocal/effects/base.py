@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import pkgutil
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
@@ -31,11 +31,13 @@ if TYPE_CHECKING:
     from gyrocal.effects.reading_fault import ReadingFault
 
 __all__ = [
-    "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s", "load",
-    "stack", "table_angle_rad", "with_role",
+    "AtSample", "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s",
+    "load", "stack", "table_angle_rad", "with_role",
 ]
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
+AtSample = Callable[[Any, Any, Any, Any], Any]
+"""A term, deg/s, of (rate, dps; temp_c; power_on_s; the three accelerations, g), each a number or an array [n]."""
 
 
 class Role(Enum):
@@ -101,6 +103,8 @@ class Effect(Described):
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     uncorrected: ClassVar[str] = ""
     """The reason why ``apply`` leaves this effect in the readings; empty if it belongs to the sensor and can be undone."""
+    is_gain: ClassVar[bool] = False
+    """True if the term is a fixed part of the true rates: an element of the matrix from these to the readings."""
     requires: ClassVar[tuple[str, ...]] = ()
     """The columns of a recording and keys of its run without which the effect cannot be computed, for ``apply``."""
     law: ClassVar[Law | None] = None
@@ -259,6 +263,10 @@ class Effect(Described):
         """
         return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
+        """The term of single samples, as ``effects/<id>.c`` has it; None if it needs more than one sample."""
+        return None
+
     def axes(self, run: Run) -> tuple[int, ...]:
         """The axes on which the simulator plants the effect by default."""
         return (run.axis_index,)
@@ -280,13 +288,13 @@ class OfEachRun(Effect):
 
 @cache
 def effects() -> dict[str, Effect]:
-    """Every known effect by id: the built-in ones, one for each file of this folder, and those added by :func:`load`."""
-    package = importlib.import_module("gyrocal.effects")
-    found: dict[str, Effect] = {}
-    for info in pkgutil.iter_modules(package.__path__):
-        for kind in _defined_in(importlib.import_module(f"gyrocal.effects.{info.name}")):
-            found[kind.id] = kind
-    return dict(sorted(found.items()))
+    """Every known effect by id: one for each file of this folder, those of installed packages, and those of :func:`load`."""
+    from gyrocal.effects import packages
+
+    own = (f"gyrocal.effects.{info.name}" for info in pkgutil.iter_modules(importlib.import_module("gyrocal.effects").__path__))
+    built_in = {kind.id: kind for name in own for kind in _defined_in(importlib.import_module(name))}
+    brought = {kind.id: kind for module in packages.modules() for kind in _defined_in(module)}
+    return dict(sorted({**brought, **built_in}.items()))
 
 
 def title_of(effect_id: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Law, Parameter, Role
+from gyrocal.effects.base import AtSample, Effect, Law, Parameter, Role
 from gyrocal.recording.session import Array, Run
 
 
@@ -29,3 +29,7 @@ class Bias(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.ones((len(run), 1))
+
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        bias_dps = values["bias_dps"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: bias_dps

@@ -9,7 +9,9 @@ import numpy as np
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.byte_fault import single_power
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
+from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.sampling_fault import stale
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
@@ -46,7 +48,7 @@ def _sized_jumps(run: Run, axis: int) -> list[tuple[int, float]]:
     """The rows of :func:`jumps` with the differences of the means after and before, deg/s."""
     if run.rate_is_mean:
         return []
-    y = _without_swing(_about_rate(run, axis), run.rate_dps, run.duration_s)
+    y = _without_swing(reading_error_dps(run, axis), run.rate_dps, run.duration_s)
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
@@ -112,7 +114,7 @@ def _error(total: Array, width: int) -> Array:
     of the run or of the window's own time, whichever is larger, because the level of the noise may change.
     """
     part = max(1, width // PARTS)
-    mean = np.diff(total[:: part]) / part
+    mean = np.diff(total[::part]) / part
     square = np.diff(mean) ** 2 / 2
     usual = float(np.median(square)) / MEDIAN_CHI2
     summed = np.concatenate([[0.0], np.cumsum(square)])
@@ -131,17 +133,16 @@ def _window_s(run: Run) -> float:
     return min(WINDOW_S, run.duration_s / 6)
 
 
-def _about_rate(run: Run, axis: int) -> Array:
-    """Measured minus the table's rate, shape [n], deg/s."""
-    return run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
-
-
 def outliers_of(run: Run, axis: int) -> Array:
-    """Deviation of each outlier from its neighbours, shape [n], deg/s; zero for all other readings."""
+    """Deviation of each outlier from its neighbours, shape [n], deg/s; zero for all other readings.
+
+    A repeated reading that stands out is an old one, and no outlier.
+    """
     out = np.zeros(len(run))
     if not run.rate_is_mean:
-        rows, apart_dps = reading_outliers(run, axis, _about_rate(run, axis))
+        rows, apart_dps = reading_outliers(run, axis, reading_error_dps(run, axis))
         out[rows] = apart_dps
+        out[1:][stale(run)] = 0.0
     return out
 
 
@@ -155,9 +156,7 @@ class BiasJumps(OfEachRun):
     )
     equation = "±size_dps from each of n times on"
     looks_like = "drift and colored_noise in averaged data; turn_on_bias if the bias jumps between runs"
-    measure_next = (
-        "repeat the recording, in which jumps occur at other times, and look for knocks in the accelerometer data"
-    )
+    measure_next = "repeat the recording, in which jumps occur at other times, and look for knocks in the accelerometer data"
     parameters = (
         Parameter("n", "jumps a run", (1.0, 5.0), "rare: parts that jump more often are faulty", 1.0),
         Parameter("size_dps", "dps", (0.01, 0.2), "consumer MEMS gyroscopes' random telegraph steps", 0.05),
@@ -254,7 +253,7 @@ class _SingleReadings(ReadingFault):
         if found.size < 2:
             return None
         steady = [r for r in runs if not r.rate_is_mean]
-        chance = chance_of([_about_rate(r, axis) for r in steady], max(float(r.step_dps[axis]) for r in steady))
+        chance = chance_of([reading_error_dps(r, axis) for r in steady], max(float(r.step_dps[axis]) for r in steady))
         if chance > SHOWN:
             return None
         values = {

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, temperature_noise, warming_c
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.quantities import MOVING_TEMPERATURE, REFERENCE_C, temperature_moves, temperature_noise, warming_c
 from gyrocal.recording.session import Array, Run
 
 POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
@@ -57,6 +58,14 @@ class BiasTemperature(Effect):
         above_c = warming_c(run)
         return stack(*(above_c ** POWERS[name] for name in self.used(values)))
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k1, k2, k3 = (values.get(name, 0.0) for name in POWERS)
+
+        def term(rate_dps: Any, temp_c: Any, power_on_s: Any, acc_g: Any) -> Any:
+            above_c = temp_c - REFERENCE_C
+            return above_c * (k1 + above_c * (k2 + above_c * k3))
+
+        return term
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         found, above_c = temperature_noise(run, samples), warming_c(run)
         if found is None:

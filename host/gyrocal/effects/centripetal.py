@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
 from gyrocal.effects.mistaken import square_of_slope
 from gyrocal.effects.quantities import TURNING_AT_ALL, true_rate_dps, turns
 from gyrocal.recording.session import Array, Run
@@ -41,5 +41,8 @@ class Centripetal(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(true_rate_dps(run) ** 2)
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k = values["k"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: k * rate_dps * rate_dps
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         return [square_of_slope()]

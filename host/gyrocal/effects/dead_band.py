@@ -15,6 +15,8 @@ from gyrocal.recording.session import Array, Run
 WIDTHS_DPS = tuple(float(w) for w in np.geomspace(0.03, 10.0, 12))
 LEAST_DEPTH = 0.5
 """Part of the small rates that a dead band takes away at least. Filters round its edges, and the fit's depth is below 1."""
+MOST_DEPTH = 1.5
+"""The same at most: a band that takes away more than the rate would reverse it. A fit's depth is above 1 by its error alone."""
 FIRST_SIGHT = 5.0
 """Standard errors that the lost part of small rates must have before a fit is tried."""
 
@@ -64,8 +66,8 @@ class DeadBand(Effect):
         return float(_scores(runs, axis).max()) > FIRST_SIGHT
 
     def contradicted(self, values: Values, explained: float | None) -> bool:
-        """True if small rates are not lost for the most part: the rate's error in this range is another effect's."""
-        return values["depth"] < LEAST_DEPTH
+        """True if small rates are not lost for the most part, or reversed: the error in this range is another effect's."""
+        return not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH
 
     def observable(self, values: Values, runs: Sequence[Run]) -> bool:
         """False for a band narrower than the step of the readings, which rounding makes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, elapsed_s, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, elapsed_s, stack
 from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s
 from gyrocal.recording.session import Array, Run
 
@@ -53,3 +53,7 @@ class Drift(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)
         return stack(elapsed_s(run) if p_s is None else p_s)
+
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k = values["k_dps_per_s"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: k * power_on_s

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
@@ -81,6 +81,11 @@ class G2Sensitivity(Effect):
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1), -_fast_g2(run)])
         return np.asarray(squares[:, [{**ALONG, LOST: FAST}.get(name, ALL) for name in self.used(values)]])
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
+        if not self.runs_on_device(values):
+            return None
+        x, y, z = (values.get(TOTAL, 0.0) + values.get(name, 0.0) for name in ALONG)
+        return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] ** 2 + y * acc_g[1] ** 2 + z * acc_g[2] ** 2
     def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
         """That of the whole squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
         whole = {name: value for name, value in values.items() if name != LOST}

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
 from gyrocal.recording.session import Array, Run
 
@@ -73,6 +73,9 @@ class GSensitivity(Effect):
             return np.zeros((len(run), len(self.used(values))))
         return stack(*(acc_g[:, COMPONENTS[name]] for name in self.used(values)))
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        x, y, z = (values.get(name, 0.0) for name in COMPONENTS)
+        return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] + y * acc_g[1] + z * acc_g[2]
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(COMPONENTS[name]),) for name in self.used(values)]
 

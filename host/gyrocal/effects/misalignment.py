@@ -36,6 +36,7 @@ class Misalignment(Effect):
         for name in ABOUT
     )
     linear = tuple(ABOUT)
+    is_gain = True
     cases = (Case({"m": 0.005}, ("m",), "full", "x"),)
 
     def axes(self, run: Run) -> tuple[int, ...]:

@@ -66,6 +66,11 @@ def rate_about(run: Run, axis: int) -> Array:
     return true_rate_dps(run) if axis == run.axis_index else np.zeros(len(run))
 
 
+def reading_error_dps(run: Run, axis: int) -> Array:
+    """Measured minus the reference's rate about an axis, shape [n], deg/s."""
+    return run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
+
+
 def sense_of_rotation(run: Run) -> Array:
     """The sign of the true rate, shape [n]; 0 where the noise of the reference exceeds a tenth of it."""
     rate_dps = true_rate_dps(run)

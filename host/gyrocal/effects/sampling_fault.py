@@ -9,6 +9,8 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.byte_fault import count_dps_of
+from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
@@ -45,6 +47,13 @@ def _by_chance(runs: Sequence[Run], equal: int) -> float:
     return float(tails.binomial(equal, equal + one + 1, ratio / (6 + ratio)))
 
 
+def _stand_out(runs: Sequence[Run], axis: int, fraction: float) -> float:
+    """The probability that so many of the readings that stand out are repeated, as ``fraction`` of all readings are."""
+    known = [(run, outliers_of(run, axis, reading_error_dps(run, axis))[0]) for run in runs if not run.rate_is_mean]
+    repeated = sum(int(np.count_nonzero(stale(run)[rows[rows > 0] - 1])) for run, rows in known)
+    return float(tails.binomial(repeated, sum(rows.size for _, rows in known), fraction)) if repeated > 1 else 1.0
+
+
 def _repeated(neighbours: float, two_apart: float, alike: float) -> float:
     """The fraction of repeated samples from those of equal samples at either distance, of which some are equal by chance.
 
@@ -71,9 +80,7 @@ class SamplingFault(ReadingFault):
         "a low-pass filter, which makes neighbours similar but not equal; quantization, where equal neighbours "
         "are common on one axis"
     )
-    measure_next = (
-        "record the chip's data-ready flag or use its FIFO, and count neighbours that are equal on all three axes"
-    )
+    measure_next = "record the chip's data-ready flag or use its FIFO, and count neighbours that are equal on all three axes"
     parameters = (Parameter("fraction", "fraction", (0.001, 0.1), "hosts that poll by their own timer", 0.05),)
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
@@ -82,6 +89,7 @@ class SamplingFault(ReadingFault):
         Coarse counts and axes that share noise make readings equal at either distance. A low-pass filter makes neighbours more
         alike; then equal ones are more frequent by the ratio of the generalised standard deviations of the differences. Where
         the counts are so coarse that chance makes equal neighbours, neighbours that differ by a count are about as frequent.
+        Few repeated samples are certain as well where the rate moves, because they stand out.
         """
         pairs = sum(len(r) - 1 for r in runs)
         equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
@@ -89,7 +97,7 @@ class SamplingFault(ReadingFault):
         alike = max(1.0, _volume(runs, 2) / max(_volume(runs, 1), 1e-300))
         # of Poisson counts with this ratio of means, the share of one in their sum is binomial
         chance = float(tails.binomial(equal, equal + apart + 1, alike / (1 + alike)))
-        chance = max(chance, _by_chance(runs, equal))
+        chance = min(max(chance, _by_chance(runs, equal)), _stand_out(runs, axis, equal / pairs))
         if chance > 1e-4:
             return None
         neighbours = equal / pairs

@@ -23,6 +23,7 @@ class Scale(Effect):
         Parameter("scale", "fraction", (0.001, 0.02), "LSM6DSO datasheet, table 2: sensitivity tolerance +-1 %", 0.004),
     )
     linear = ("scale",)
+    is_gain = True
     role = Role.SCALE
     law = Law({"scale": 0.003}, "0.003*rate", degree=1)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
 from gyrocal.effects.mistaken import square_of_slope
 from gyrocal.effects.quantities import TURNING, rate_about, turns
 from gyrocal.recording.session import Array, Run
@@ -39,5 +39,8 @@ class ScaleAsymmetry(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(np.abs(rate_about(run, axis)))
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k = values["k"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: k * abs(rate_dps)
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         return [square_of_slope()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import TURNING, rate_about, turns
 from gyrocal.recording.session import Array, Run
 
@@ -40,3 +40,7 @@ class ScaleNonlinearity(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         w_dps = rate_about(run, axis)
         return stack(w_dps * w_dps * w_dps)
+
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k3 = values["k3"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: k3 * rate_dps * rate_dps * rate_dps

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Role, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Role, stack
 from gyrocal.effects.quantities import (
     MOVING_TEMPERATURE,
+    REFERENCE_C,
     TURNING,
     rate_about,
     temperature_moves,
@@ -50,6 +51,9 @@ class ScaleTemperature(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(warming_c(run) * rate_about(run, axis))
 
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        k = values["k_per_c"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: k * (temp_c - REFERENCE_C) * rate_dps
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         found = temperature_noise(run, samples)
         return None if found is None else (stack(found[0] * rate_about(run, axis) ** 2), found[1])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.mistaken import settling_scale
 from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s, turns
 from gyrocal.parameter import POSITIVE
@@ -76,3 +77,7 @@ class Warmup(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)
         return stack(np.zeros(len(run)) if p_s is None else np.exp(-p_s / values["tau_s"]))
+
+    def at_sample(self, values: Mapping[str, float]) -> AtSample:
+        size_dps, tau_s = values["A_dps"], values["tau_s"]
+        return lambda rate_dps, temp_c, power_on_s, acc_g: size_dps * math.e ** (-power_on_s / tau_s)  # of arrays too

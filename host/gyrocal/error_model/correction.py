@@ -6,6 +6,8 @@ the reading. Errors are a few percent of the rate, so each iteration reduces the
 
 Only effects of the sensor are removed. Effects of the turntable, of the recorder's clock and of a damaged reading stay, as do
 effects for which the recording lacks a column. :class:`Corrected` lists them with the reason.
+
+Temperatures beyond those that the model was fitted on count as the nearest of these.
 """
 
 from __future__ import annotations
@@ -50,8 +52,9 @@ def correct(model: Model, run: Run, bias_dps: Mapping[str, float] | None = None)
     usable, left = _split(model, run)
     about = [axis for axis in AXES if any(t.axis == axis and t.effect.role is Role.SCALE for t in usable)] or list(AXES)
     rate_dps = run.gyro_dps.copy()
+    within = model.fitted_on.clamped(run)
     for _ in range(MOST_ITERATIONS):
-        turning = {AXES.index(axis): turning_about(run, axis, rate_dps) for axis in about}
+        turning = {AXES.index(axis): turning_about(within, axis, rate_dps) for axis in about}
         following = run.gyro_dps - _error_dps(usable, turning, bias_dps or {})
         change = float(np.max(np.abs(following - rate_dps), initial=0.0))
         rate_dps = following
@@ -98,7 +101,8 @@ def left_at_rest_dps(model: Model, run: Run) -> Array:
     """Readings [n, 3] of a run at rest less the errors of the model's effects at rest without its bias, deg/s."""
     usable, _ = _split(model, run)
     others = [t for t in usable if t.effect.role is not Role.BIAS]
-    at_rest = {i: turning_about(run, axis, np.zeros((len(run), 3))) for i, axis in enumerate(AXES)}
+    within = model.fitted_on.clamped(run)
+    at_rest = {i: turning_about(within, axis, np.zeros((len(run), 3))) for i, axis in enumerate(AXES)}
     return np.asarray(run.gyro_dps - _error_dps(others, at_rest, {}))
 
 

@@ -8,13 +8,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
-from gyrocal.effects import base
+from gyrocal.effects import base, own
 from gyrocal.effects.base import Effect, Role, Values
+from gyrocal.effects.packages import package_of
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.error_model.fitted_on import FittedOn, parsed
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.error_model.term import Line, Term
 from gyrocal.errors import InputError, did_you_mean
@@ -24,7 +26,10 @@ from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.parameter import NOT_NEGATIVE, Described
 from gyrocal.recording.session import AXES
-from gyrocal.shown import Shown
+from gyrocal.shown import Shown, exporter
+
+if TYPE_CHECKING:
+    from gyrocal.error_model.corrector import Corrector
 
 __all__ = ["FORMAT", "Line", "Model", "Term"]
 
@@ -39,11 +44,12 @@ HEADER = """\
 
 @dataclass(frozen=True, repr=False)
 class Model(Shown):
-    """Terms and noise of each axis."""
+    """Terms and noise of each axis, and what they were fitted on."""
 
     name: str
     terms: tuple[Term, ...]
     noise: Mapping[str, AxisNoise] = field(default_factory=dict)
+    fitted_on: FittedOn = field(default_factory=FittedOn)
 
     @staticmethod
     def builtin(name: str) -> Model:
@@ -133,6 +139,12 @@ class Model(Shown):
         """The line of an effect or a noise component on one axis."""
         return next((line for line in self.lines() if (line.id, line.axis) == (effect_id, axis)), None)
 
+    @property
+    def bias_dps(self) -> dict[str, float]:
+        """The fitted bias by axis, deg/s, of the axes that have one."""
+        terms = [t for t in self.terms if t.effect.role is Role.BIAS and t.values]
+        return {t.axis: t.values[t.effect.linear[0]] for t in terms}
+
     def value(self, effect_id: str, axis: str, name: str, default: float = 0.0) -> float:
         """The value of one parameter of an effect or a noise component; ``default`` if the model does not have it."""
         line = self.line(effect_id, axis)
@@ -163,13 +175,15 @@ class Model(Shown):
             term, held = replace(term, values={**term.values, name: value}), (*held, name)
         return self.with_term(replace(term, held=held))
 
-    def add(self, effect_id: str, axis: str = "z") -> Model:
+    def add(self, effect: str | Effect | type[Effect], axis: str = "z") -> Model:
         """The model with an effect, a formula or a noise component on one axis; ``compare`` and ``fit`` determine its size.
 
-        Raises InputError for an unknown id, an invalid formula or another axis than x, y or z.
+        ``effect`` is an id, a formula, or a class of the user's own, whose id is known from then on. Raises InputError for an
+        unknown id, an invalid formula or another axis than x, y or z.
         """
         if axis not in AXES:
             raise InputError(f"axis is {axis!r}, not x, y or z")
+        effect_id = effect if isinstance(effect, str) else own.known(effect).id
         if effect_id in COMPONENTS:
             noise = {**self.noise, axis: self.noise_on(axis).having(COMPONENTS[effect_id])}
             return replace(self, name=self._name(add=effect_id), noise=noise)
@@ -189,6 +203,20 @@ class Model(Shown):
 
         return correct_frame(self, frame, bias_dps)
 
+    def corrector(self, bias_dps: Mapping[str, float] | None = None) -> Corrector:
+        """What corrects single samples, or arrays of them, as they come; see :class:`gyrocal.error_model.corrector.Corrector`.
+
+        ``bias_dps`` is this power cycle's bias by axis, deg/s; the model's bias is used on the other axes. Raises InputError if
+        the model has no fitted values.
+        """
+        from gyrocal.error_model.corrector import Corrector
+
+        return Corrector(self, bias_dps)
+
+    def export(self, out: str | Path, form: str = "header", **options: Any) -> Any:
+        """Write the model into the folder ``out`` for another program; see :func:`gyrocal.calibration.exported.export`."""
+        return exporter()(self, out, form, **options)
+
     def _name(self, add: str) -> str:
         return self.name if add in self.name.split("+") else f"{self.name}+{add}"
 
@@ -203,7 +231,8 @@ class Model(Shown):
     def _check_written(self, partial: Path) -> None:
         """Raise InputError if a file does not contain this model. The file that it should replace is then kept."""
         read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
-        if read.name != self.name or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
+        same = (read.name, read.fitted_on) == (self.name, self.fitted_on)
+        if not same or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
             raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
 
     def _grouped(self) -> list[Line]:
@@ -218,6 +247,11 @@ class Model(Shown):
         if white:
             levels = ", ".join(f"{axis} = {_number(sd)}" for axis, sd in white.items())
             lines.append(f"white_sd_dps = {{ {levels} }}  # one sample's white noise")
+        if self.fitted_on.corrected:
+            lines.append(f"corrected = {_quoted(self.fitted_on.corrected)}  # this had corrected the readings before the fit")
+        if self.fitted_on.ranges:
+            ranges = ", ".join(f"{name} = [{low!r}, {high!r}]" for name, (low, high) in self.fitted_on.ranges.items())
+            lines.append(f"fitted_on = {{ {ranges} }}  # `apply` counts what lies beyond these ranges")
         lines.append("effects = [")
         for _, group in groupby(self._grouped(), key=lambda line: line.id):
             same = list(group)
@@ -227,6 +261,8 @@ class Model(Shown):
                 parts = [f"id = {_quoted(line.id)}", f"axis = {_quoted(line.axis)}"]
                 if line.formula:
                     parts.append(f"formula = {_quoted(line.formula)}")
+                if package := package_of(line.kind):
+                    parts.append(f"package = {_quoted(package)}")
                 parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
                 if line.held:
                     parts.append(f"held = [{', '.join(map(_quoted, line.held))}]")
@@ -267,7 +303,7 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
             raise InputError(f"{path}: effect {number} ({line.id}): stands twice for axis {line.axis}")
     if not lines:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
-    keys = ("format", "name", "white_sd_dps", "effects")
+    keys = ("format", "name", "white_sd_dps", "corrected", "fitted_on", "effects")
     strange = sorted(set(raw) - set(keys))
     if strange:
         raise InputError(f"{path}: no key {strange[0]!r}{did_you_mean(strange[0], keys)}; a model has {', '.join(keys)}")
@@ -285,7 +321,8 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
             noise[line.axis] = noise[line.axis] if spread is None else replace(noise[line.axis], turn_on_scale=spread)
         else:
             noise[line.axis] = noise[line.axis].having(COMPONENTS[line.id].with_values(line.values, line.se))
-    return Model(str(raw.get("name", path.stem)), tuple(terms), noise)
+    fitted_on = parsed(raw.get("fitted_on", {}), raw.get("corrected", ""), str(path))
+    return Model(str(raw.get("name", path.stem)), tuple(terms), noise, fitted_on)
 
 
 def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:
@@ -303,7 +340,9 @@ def _turn_on_scale_name(kind: Effect) -> str:
 
 def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
     """One entry of ``effects`` in a model file."""
-    name, formula = str(entry.get("id")), entry.get("formula")
+    name, formula, package = str(entry.get("id")), entry.get("formula"), entry.get("package")
+    if package is not None and formula is None and name not in base.effects():
+        raise InputError(f"{where}: effect {name!r} is of the package {package}, which is not installed: pip install {package}")
     kind: Described
     try:
         kind = COMPONENTS.get(name) or base.effect(name) if formula is None else FormulaEffect(str(formula), name)
@@ -314,7 +353,7 @@ def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
         raise InputError(f"{where} ({kind.id}): axis is {axis!r}, not x, y or z")
     values: Values = {}
     se: Values = {}
-    numbers = {key: value for key, value in entry.items() if key not in ("id", "axis", "formula", "held")}
+    numbers = {key: value for key, value in entry.items() if key not in ("id", "axis", "formula", "package", "held")}
     spreads = (replace(p, name=f"{p.name}_sd", bounds=NOT_NEGATIVE) for p in kind.parameters)
     known = {p.name: p for p in (*kind.parameters, *spreads)}
     for key, value in numbers.items():

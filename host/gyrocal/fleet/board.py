@@ -19,7 +19,7 @@ from gyrocal.fleet.drift import FleetDrift, loglik_at, loglik_of
 from gyrocal.fleet.listing import at_hand
 from gyrocal.fleet.summary import AxisSummary, Summary
 from gyrocal.inference.fit import fit
-from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.plausibility import check
 from gyrocal.plausibility.noise import own_sd_dps
 from gyrocal.recording.session import AXES, Session
@@ -107,10 +107,12 @@ def _opened(folder: Path, model: Model) -> tuple[Session, list[Warning]]:
 def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetDrift]) -> Summary:
     """Fit the model to a session, with the fleet's drift of each axis, which one board hardly determines."""
     session, warnings = _opened(folder, model)
-    fitted = plain_fit(session, of_fleet(model, drifts))
+    whole = _plain(session, of_fleet(model, drifts))
+    fitted, fitted_on = whole.axes, whole.model.fitted_on
     return Summary(
         name, session.board or name, session.rig, session.line, session.made_on, _codes(warnings),
         {axis: _summary_of(session, one, drifts.get(axis)) for axis, one in fitted.items() if one.design.layout.fixed},
+        dict(fitted_on.ranges), fitted_on.corrected,
     )  # fmt: skip
 
 
@@ -125,8 +127,12 @@ def of_fleet(model: Model, drifts: Mapping[str, FleetDrift]) -> Model:
 
 def plain_fit(session: Session, model: Model) -> dict[str, AxisFit]:
     """The ordinary fit of each axis. A term with a single variant gets it at once, which saves the search for the structure."""
+    return _plain(session, model).axes
+
+
+def _plain(session: Session, model: Model) -> Fit:
     terms = tuple(_settled(term, session) for term in model.terms)
-    return fit(session, replace(model, terms=terms)).axes
+    return fit(session, replace(model, terms=terms))
 
 
 def _settled(term: Term, session: Session) -> Term:

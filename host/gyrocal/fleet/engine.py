@@ -12,10 +12,14 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
+from tempfile import TemporaryDirectory
 from typing import Any, Protocol, TypeVar
 
 from gyrocal.errors import GyrocalError, InputError
+from gyrocal.extras import want
 
+HERE = "127.0.0.1"
+"""The address where the scheduler, its workers and its dashboard listen, which no other machine can reach."""
 AHEAD = 4
 """Tasks that are submitted for each worker."""
 PATIENCE_S = 60
@@ -109,11 +113,10 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
     if workers == 0:
         yield InProcess()
         return
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise InputError("a cluster needs Dask: pip install 'gyrocal[fleet]', or give --workers 0") from None
+    want("a cluster (other than --workers 0)", "fleet")
+    import dask
+    from distributed import Client, LocalCluster
+
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=PATIENCE_S)
@@ -123,10 +126,16 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
             yield OnDask(client)
         return
     count = workers or os.cpu_count() or 1
-    quiet = {"dashboard_address": ":0", "silence_logs": "CRITICAL"}
+    options = {"host": HERE, "dashboard_address": f"{HERE}:0", "silence_logs": "CRITICAL"}
     with (
-        dask.config.set({"distributed.worker.profile.enabled": False}),  # whose history is 250 MB of a worker after 1000 s
-        LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **quiet) as here,
+        TemporaryDirectory(prefix="gyrocal-", ignore_cleanup_errors=True) as scratch,
+        dask.config.set(
+            {
+                "distributed.worker.profile.enabled": False,  # whose history is 250 MB of a worker after 1000 s
+                "temporary-directory": scratch,  # whose locks Dask would leave behind
+            }
+        ),
+        LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **options) as here,
         Client(here) as client,
     ):
         yield OnDask(client)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gyrocal.effects.base import Role, Values
+from gyrocal.error_model.fitted_on import together
 from gyrocal.error_model.model import Model, Term
 from gyrocal.fleet.pooling import Pooled
 from gyrocal.noise.axis import AxisNoise
@@ -28,7 +29,8 @@ def population_model(fleet: Fleet) -> Model:
     """
     terms = tuple(_term(term, fleet.population) for term in fleet.model.terms)
     noise = {axis: _noise(fleet, axis) for axis in AXES}
-    return Model(f"{fleet.model.name}, population of {len({b.board for b in fleet.boards})} boards", terms, noise)
+    name = f"{fleet.model.name}, population of {len({b.board for b in fleet.boards})} boards"
+    return Model(name, terms, noise, together(board.fitted_on for board in fleet.boards))
 
 
 def _spread(pooled: Pooled) -> tuple[float, float]:

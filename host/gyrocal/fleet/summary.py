@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.errors import GyrocalError
 from gyrocal.files import replacing
 from gyrocal.recording.session import Array
 
-FORMAT = "gyrocal-fleet-summary/2"
+FORMAT = "gyrocal-fleet-summary/3"
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,10 @@ class AxisSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """One session. ``warnings`` are the codes of its warnings, with the axis where there is one."""
+    """One session. ``warnings`` are the codes of its warnings, with the axis where there is one.
+
+    ``ranges`` and ``corrected`` are those of :class:`~gyrocal.error_model.fitted_on.FittedOn`.
+    """
 
     session: str
     board: str
@@ -55,6 +59,13 @@ class Summary:
     made_on: str | None
     warnings: tuple[str, ...]
     axes: dict[str, AxisSummary]
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    corrected: str = ""
+
+    @property
+    def fitted_on(self) -> FittedOn:
+        """What the session's parameters were fitted on."""
+        return FittedOn(self.ranges, self.corrected)
 
     def at(self, session: str) -> Summary:
         """The same summary of a session that was moved to another path."""
@@ -93,6 +104,7 @@ class Summary:
                 }  # fmt: skip
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise GyrocalError(f"{path}: no summary of this version ({error}); delete it, and it is computed again") from None
+        told["ranges"] = {name: (low, high) for name, (low, high) in told["ranges"].items()}
         return Summary(**{**told, "warnings": tuple(told["warnings"])}, axes=axes)
 
 

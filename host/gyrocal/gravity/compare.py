@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.stats import chi2
 
-from gyrocal import plausibility
+from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Level
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.finding import Finding
@@ -149,7 +148,7 @@ def _where(evidence: Evidence) -> list[Finding]:
 
 
 def _finding(axis: str, against: str, chance: float, angle_deg: float, note: str) -> Finding:
-    return Finding(axis, against, float(np.sqrt(chi2.isf(max(chance, 1e-300), 1))), chance, angle_deg, note)
+    return Finding(axis, against, float(np.sqrt(tails.chi_square_value(max(chance, 1e-300), 1))), chance, angle_deg, note)
 
 
 def _levels(fitted: GravityFit, tests: int, known: bool) -> list[Finding]:
@@ -157,7 +156,7 @@ def _levels(fitted: GravityFit, tests: int, known: bool) -> list[Finding]:
     out = []
     seen = fitted.observations
     total, freedom = fitted.chi2(np.arange(seen.movement_rows))
-    chance = float(chi2.sf(total, freedom))
+    chance = float(tails.chi_square(total, freedom))
     if known:  # an effect in the movements shifts the bias, and with it the rests
         return []
     if chance * tests < POLICY.misfit_alarm:
@@ -167,7 +166,7 @@ def _levels(fitted: GravityFit, tests: int, known: bool) -> list[Finding]:
         return [_finding(AXES[int(np.argmax(squares))], "level", chance, 0.0, text)]
     for i, axis in enumerate(AXES):
         total, freedom = fitted.chi2(seen.rest_rows(i))
-        chance = float(chi2.sf(total, freedom))
+        chance = float(tails.chi_square(total, freedom))
         if chance * tests < POLICY.misfit_alarm:
             out.append(_finding(axis, "level", chance, 0.0, f"rests scatter by {np.sqrt(total / freedom):.2f} times the noise"))
     return out

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.diagnosis.add import lacking_axes
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.decision import proven
 from gyrocal.diagnosis.diagnose import verdict_on
@@ -92,8 +93,12 @@ def over_floor_of(before: Comparison, after: Comparison) -> Comparison:
 
 
 def add(session: Session, model: Model | str | Path | None, effect_id: str) -> Added:
-    """Add an effect on the axes where it is proven, or on that with the largest gain. Raises InputError for an unknown id."""
+    """Add an effect on the axes where it is proven, or on that with the largest gain.
+
+    Raises InputError for an unknown id, and for an effect that the model has already.
+    """
     start = Model.open(model)
+    axes = lacking_axes(start, effect_id if effect_id in COMPONENTS else effect_or_formula(effect_id).id, start.axes)
     before = compare(session, start)
     if effect_id in COMPONENTS:
         richer = start
@@ -101,14 +106,12 @@ def add(session: Session, model: Model | str | Path | None, effect_id: str) -> A
             richer = richer.add(effect_id, axis)
         return Added(before, compare(session, richer))
     effect = effect_or_formula(effect_id)
-    axes = [a for a in start.axes if start.term(effect.id, a) is None]
     judged = [before.evidence.judge(effect, axis) for axis in axes]
     seen = [c for c in judged if c.decision != "not_measurable"]
     looks = len(effects()) * max(len(seen), 1)
     chosen = [c for c in seen if proven(c, looks)] or sorted(seen, key=lambda c: c.chance)[:1]
     if not chosen:
-        scene = before.fit.scene
-        why = why_invisible(Term.of(effect, axes[0]), scene) if axes else "the model already has it on every axis"
+        why = why_invisible(Term.of(effect, axes[0]), before.fit.scene)
         before = replace(before, note=f"{effect.id} was not added: {why}")
     richer = start
     for c in chosen:

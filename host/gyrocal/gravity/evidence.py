@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2, f
 
+from gyrocal import tails
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.model import Term
@@ -95,7 +95,7 @@ class Evidence:
         freedom = max(len(y) - both.shape[1], 1)
         left = float(np.sum((y - signal) ** 2)) / freedom
         count = max(int(ok.sum()), 1)
-        return Gain(drop, float(f.sf(drop / count / max(left, 1.0), count, freedom)), theta, covariance, signal, noise)
+        return Gain(drop, float(tails.f_ratio(drop / count / max(left, 1.0), count, freedom)), theta, covariance, signal, noise)
 
     def widened(self, columns: Array, prior_sd: Sequence[float]) -> Array:
         """The noise plus the scatter of movements and rests beyond it, beside these columns, shape [rows, rows]."""
@@ -161,7 +161,7 @@ class Evidence:
         """True if a candidate explains a tenth of the scatter beyond the noise, or if there is no such scatter."""
         fitted = self.fitted
         total, freedom = fitted.chi2(np.arange(len(fitted.residual)))
-        if (part or 0.0) >= POLICY.explained or float(chi2.sf(total, freedom)) > POLICY.misfit_alarm:
+        if (part or 0.0) >= POLICY.explained or float(tails.chi_square(total, freedom)) > POLICY.misfit_alarm:
             return True
         return best.drop >= POLICY.explained * (total - freedom)
 

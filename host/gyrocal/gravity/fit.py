@@ -15,6 +15,7 @@ import numpy as np
 from gyrocal.effects.base import Role, effects, with_role
 from gyrocal.effects.clock_error import CLOCK_SE
 from gyrocal.effects.misalignment import Misalignment
+from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity.observations import Observations, Observer, Parameter, Rows, parameters
 from gyrocal.gravity.scene import Scene
@@ -174,6 +175,7 @@ def fit(scene: Scene, model: Model, observer: Observer | None = None) -> Gravity
         if np.max(np.abs(theta - before) / np.sqrt(np.diag(covariance)), initial=0.0) < CONVERGED:
             break
     fitted = _noisy(replace(model, terms=_merged(model, terms)), scene, wander)
+    fitted = replace(fitted, fitted_on=FittedOn.of(scene.session, fitted.bias_dps))
     return GravityFit(scene, fitted, wanted, theta, covariance, seen, noise, wander, left)
 
 

@@ -118,8 +118,7 @@ class _Refit:
             return np.zeros((q, q)), 0.0, 0
         columns = design.columns(i)[:, keep]
         summed = Summed.of([columns], b.t_s[keep], b.precision[keep], design.cell_s, design.color)
-        summed.gram[0] -= float(keep.mean()) * self._of_column_noise(i)
-        grams, logdet = summed.normal_equations(self.current.noise)
+        grams, logdet = summed.less(float(keep.mean()) * self._of_column_noise(i)).normal_equations(self.current.noise)
         return grams[0], logdet, int(keep.sum())
 
     def _of_column_noise(self, i: int) -> Array:

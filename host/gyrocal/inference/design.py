@@ -203,7 +203,7 @@ class Design:
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
         self.column_noise = noise[:, kept]
-        self._take_out_noise(fixed, summed)
+        summed = self._less_noise(fixed, summed)
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
 
@@ -214,21 +214,23 @@ class Design:
             [nothing if (noise := of_run[term]) is None else noise[j] for term, j in fixed] for of_run in self.noises
         ]).reshape(len(self.blocks), len(fixed), 2)  # fmt: skip
 
-    def _take_out_noise(self, fixed: Sequence[tuple[int, int]], summed: Sequence[Summed]) -> None:
-        """Subtract from the normal equations what the noise of the columns is expected to add (Fuller 1987, section 2.2).
+    def _less_noise(self, fixed: Sequence[tuple[int, int]], summed: Sequence[Summed]) -> list[Summed]:
+        """The sums less what the noise of the columns is expected to add to them (Fuller 1987, section 2.2).
 
         The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
         as the column's square has gained. The same holds of what ``about`` subtracts.
         """
+        added = [np.zeros_like(s.gram) for s in summed]
         for j in np.flatnonzero(self.column_noise.any(axis=(0, 2))).tolist():
             term, column = fixed[j]
             of_rate = self.terms[term].effect.role is Role.SCALE
             known = self._known(term)[column] if self.terms[term].effect_id in self.about else 0.0
-            for index, s in zip(self.alike, summed, strict=True):
+            for index, products in zip(self.alike, added, strict=True):
                 power = self.column_noise[index, j, 0]
-                s.gram[:, 1 + j, 1 + j] -= power
-                s.gram[:, 0, 1 + j] += (of_rate + known) * power
-                s.gram[:, 1 + j, 0] += (of_rate + known) * power
+                products[:, 1 + j, 1 + j] += power
+                products[:, 0, 1 + j] -= (of_rate + known) * power
+                products[:, 1 + j, 0] -= (of_rate + known) * power
+        return [s.less(products) for s, products in zip(summed, added, strict=True)]
 
     def _varies(self, role: Role | None) -> bool:
         """True if an effect with this role varies over the power cycles of these runs. A single one has a bias of its own."""
@@ -301,6 +303,13 @@ class Design:
             key = (b.t_s.size, float(b.precision[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
             together.setdefault(key, []).append(i)
         return list(together.values())
+
+    def over_given(self, parts: Sequence[Array]) -> Array:
+        """Values of the blocks that the terms see, [m] for each run, over all given ones, shape [blocks]; NaN in the others."""
+        out = [np.full(given.start.size, np.nan) for given in self.given]
+        for whole, given, seen, part in zip(out, self.given, self.blocks, parts, strict=True):
+            whole[np.isin(given.start, seen.start)] = part
+        return np.concatenate(out)
 
     def columns(self, i: int) -> Array:
         """``[y | fixed | run]`` of one run, shape [q, m]."""

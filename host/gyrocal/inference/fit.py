@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from gyrocal.effects.base import Values
 from gyrocal.effects.timing import TimingEffect
+from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import Blocks, reduce_session
@@ -70,8 +71,9 @@ def _together(session: Session, blocks: list[Blocks], model: Model, fitted: dict
     if session.three_axes:
         terms = symmetric(terms)
     noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
-    result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), noise)
-    return Fit(session, blocks, result, fitted)
+    together = tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms)
+    result = Model(model.name, together, noise)
+    return Fit(session, blocks, replace(result, fitted_on=FittedOn.of(session, result.bias_dps)), fitted)
 
 
 def linear_values(terms: Sequence[Term]) -> dict[str, Values]:

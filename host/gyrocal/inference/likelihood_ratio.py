@@ -13,6 +13,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import Spreads, SpreadScale
+from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.recording.session import AXES, Array, Run
 
 FREE = 1e3
@@ -49,8 +50,9 @@ def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tupl
     cycles for known, and a few cycles say little of it: what differs from cycle to cycle alone has to pass an F test of as many
     values as there are cycles. What shows within them has to pass chi-square with each cycle's own offset left free. The better
     of the two counts, twice, for there were two. In runs far longer than the drift's correlation time, the gain must also
-    remain beside slow noise of each run.
+    remain beside slow noise of each run. Both are held against the blocks that both see.
     """
+    current, fitted = on_same_blocks(current, fitted)
     statistic, chance = _ratio(current, fitted, parameters)
     if chance < LEAST_CHANCE and current.design.extent_s[0] > LONG * current.noise.ou_tau_s and current.noise.ou_sd_dps > 0:
         slow, richer = _beside_wander(current), _beside_wander(fitted)

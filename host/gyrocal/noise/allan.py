@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal.errors import InputError
 from gyrocal.noise.whitening import Noise
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array, Session
 
 
 def averaging_factors(n: int, per_decade: int = 8) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -22,12 +23,13 @@ def averaging_factors(n: int, per_decade: int = 8) -> np.ndarray[tuple[int], np.
     return np.unique(np.geomspace(1, top, count).round().astype(np.intp))
 
 
-def allan_deviation(series: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
+def allan_deviation(series: Sequence[Array], rate_hz: float, factors: Sequence[int] | None = None) -> tuple[Array, Array]:
     """Overlapping Allan deviation pooled over series [n] of a rate in deg/s.
 
-    Returns the averaging times [k] in s and the deviations [k] in deg/s.
+    ``factors`` are the numbers of samples that are averaged; without them, those of :func:`averaging_factors`. Returns the
+    averaging times [k] in s and the deviations [k] in deg/s, without those for which every series is too short.
     """
-    factors = averaging_factors(max(s.size for s in series))
+    factors = averaging_factors(max(s.size for s in series)).tolist() if factors is None else factors
     times, deviations = [], []
     for m in factors:
         total, count = 0.0, 0
@@ -41,6 +43,32 @@ def allan_deviation(series: Sequence[Array], rate_hz: float) -> tuple[Array, Arr
             times.append(m / rate_hz)
             deviations.append(np.sqrt(total / (2 * m**2 * count)))
     return np.array(times), np.array(deviations)
+
+
+def of_session(session: Session, axis: str = "z", taus_s: Sequence[float] | None = None) -> tuple[Array, Array]:
+    """Overlapping Allan deviation of a session's readings, pooled over its runs.
+
+    Args:
+        session: the session.
+        axis: x, y or z.
+        taus_s: averaging times, s, each at most a third of the longest run; they are rounded to whole samples. Without them,
+            eight in each decade.
+
+    Returns:
+        The averaging times [k], s, and the deviations [k], deg/s.
+
+    Raises:
+        InputError: another axis, or a time that no run can show.
+    """
+    if axis not in AXES:
+        raise InputError(f"axis is {axis!r}, not x, y or z")
+    rate_hz, longest = session.sample_rate_hz, max(len(run) for run in session.runs) // 3
+    factors = None if taus_s is None else [round(tau_s * rate_hz) for tau_s in taus_s]
+    for tau_s, factor in zip(taus_s or (), factors or (), strict=True):
+        if not 1 <= factor <= longest:
+            ends = f"from {1 / rate_hz:.3g} to {longest / rate_hz:.3g} s"
+            raise InputError(f"--taus {tau_s:g}: it cannot be shown; give times {ends}, a sample to a third of the longest run")
+    return allan_deviation([run.gyro_dps[:, AXES.index(axis)] for run in session.runs], rate_hz, factors)
 
 
 def model_deviation(tau_s: Array, noise: Noise, rate_hz: float) -> Array:

@@ -49,13 +49,15 @@ class Noise:
 class Summed:
     """Sums of the columns of runs with the same block times, as far as they do not depend on the noise level.
 
-    ``gram`` [runs, q, q] holds products summed over all blocks. ``means`` [runs, q, k] holds means over cells of time in which
+    ``gram`` [runs, q, q] holds products summed over all blocks, and ``within`` [runs, q, q] the part of them that is about the
+    means of the cells. ``means`` [runs, q, k] holds means over cells of time in which
     drift is taken to be constant, ``t_s`` [k] their mean times in s and ``n`` [k] their numbers of samples. ``blocks`` is the
     number of blocks and ``log_n`` the sum of log n over them, plus twice the logarithm of the determinant of the filter against
     colour. :meth:`normal_equations` completes the computation.
     """
 
     gram: Array
+    within: Array
     means: Array
     t_s: Array
     n: Array
@@ -79,19 +81,31 @@ class Summed:
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
         exact = start.size == blocks
         total = n if exact else np.add.reduceat(n, start)
-        grams, means = [], []
+        grams, withins, means = [], [], []
         for one in columns:
             weighted = one if even else one * n
-            grams.append(weighted @ one.T * (n[0] if even else 1.0))
-            means.append(
-                one if exact else np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
-            )
+            if exact:
+                mean, within = one, np.zeros((len(one), len(one)))
+                gram = weighted @ one.T * (n[0] if even else 1.0)
+            else:
+                mean = np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
+                about = one - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
+                within = about @ about.T * n[0] if even else about * n @ about.T
+                gram = within + mean * total @ mean.T
+            grams.append(gram)
+            withins.append(within)
+            means.append(mean)
         centre_s = t_s if exact else np.add.reduceat(t_s * n, start) / total
-        return Summed(np.stack(grams), np.stack(means), centre_s, total, blocks, log_n)
+        return Summed(np.stack(grams), np.stack(withins), np.stack(means), centre_s, total, blocks, log_n)
 
     def of_columns(self, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Summed:
         """The same sums for a selection of the columns."""
-        return replace(self, gram=self.gram[:, rows][:, :, rows], means=self.means.take(rows, axis=1))
+        gram, within = (products[:, rows][:, :, rows] for products in (self.gram, self.within))
+        return replace(self, gram=gram, within=within, means=self.means.take(rows, axis=1))
+
+    def less(self, products: Array) -> Summed:
+        """The same sums less ``products`` [runs, q, q], which columns owe to a noise of their own that is white."""
+        return replace(self, gram=self.gram - products, within=self.within - products)
 
     @cached_property
     def _distinct(self) -> tuple[Index, Index]:
@@ -107,11 +121,6 @@ class Summed:
         same[own], same[level] = np.arange(own.size), own.size + which
         return np.concatenate([own, level[first]]), same.reshape(self.means.shape[:2])
 
-    @cached_property
-    def _within(self) -> Array:
-        """The part of ``gram`` that is about the means of the cells, [runs, q, q]."""
-        return self.gram - (self.means * self.n) @ self.means.swapaxes(-1, -2)
-
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
         """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise."""
         grams, logdets = self.near(noise, ())
@@ -124,7 +133,8 @@ class Summed:
         starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + N)^-1 Z' D^-1``, where Z assigns
         each block to its cell and ``N = Z' D^-1 Z``. Gaps and unequal blocks therefore do not raise the cost. The part between
         cells is computed as ``N (Q + N)^-1 Q``: for a bias far above the noise, ``N - N (Q + N)^-1 N`` would be a small
-        difference of large numbers, and its rounding would hide the slopes by which the noise is searched.
+        difference of large numbers, and its rounding would hide the slopes by which the noise is searched. For the same reason
+        the part within cells is a sum of products about the cells' means, not the rest of ``gram`` beside them.
 
         The other noises have the same white level, and their normal equations are correct to first order. With the drift
         ``H = (Q + N)^-1 N C`` that the columns imply, the derivative of ``C' V^-1 C`` is that of ``H' Q H`` by Q alone.
@@ -140,7 +150,7 @@ class Summed:
         rows = self.means.reshape(-1, self.t_s.size)[distinct]
         left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows).T, overwrite_b=True)[0].T
         even = np.ptp(self.n) == 0
-        gram = self._within * precision
+        gram = self.within * precision
         gram += precision * (self.n[0] * self._product(rows, left) if even else self._product(rows * self.n, left))
         grams = np.repeat(gram[None], len(drifts), axis=0)
         if others:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr
 
+from gyrocal import tails
 from gyrocal.inference.design import Mask
 from gyrocal.planning.columns import Columns, Member
 from gyrocal.policy import POLICY
@@ -132,7 +132,7 @@ class Contest:
     def power(self, chosen: Chosen, spread: float) -> float:
         """Probability of winning, over the uncertain size of the true effect with the relative standard error ``spread``."""
         strengths = self.strengths(chosen)
-        return float(sum(w * ndtr(self.margin(*strengths, 1 + x * spread)[0]) for x, w in NODES))
+        return float(sum(w * tails.normal(-self.margin(*strengths, 1 + x * spread)[0]) for x, w in NODES))
 
     @property
     def relative_error(self) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
@@ -174,10 +175,8 @@ class _Planner:
         columns = Columns(current, self.members, self.rig, self.expected, cycles, seconds)
         if self.question.kind == "measure":
             return ToMeasure(Precision.of(columns, self.members[0]))
-        from scipy.stats import chi2
-
         tested = max(1, sum(c.decision != "not_measurable" for c in self.diagnosis.candidates))
-        least = float(chi2.isf(POLICY.name_alarm / tested, 1)) / 2
+        least = float(tails.chi_square_value(POLICY.name_alarm / tested, 1)) / 2
         everyone = range(len(self.members))
         return ToTellApart([
             [Contest.of(columns, self.members, truth, rival, least) for rival in (None, *everyone) if rival != truth]

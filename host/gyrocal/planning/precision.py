@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
+from gyrocal import tails
 from gyrocal.planning.columns import Columns, Member
 from gyrocal.planning.contest import Chosen, solved
 from gyrocal.policy import POLICY
@@ -83,4 +83,4 @@ class Precision:
         moves = np.sqrt(max(before**2 - after**2, 0.0))
         if moves <= 1e-9 * max(self.value, 1e-300):
             return float(self.value >= needed)
-        return float(ndtr((self.value - needed) / moves) + ndtr((-self.value - needed) / moves))
+        return float(tails.normal((needed - self.value) / moves) + tails.normal((needed + self.value) / moves))

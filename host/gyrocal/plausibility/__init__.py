@@ -69,4 +69,9 @@ def of_fit(fitted: Fit, warnings: list[Warning], failing: Collection[str] = ()) 
 
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
     """The axes that are not judged, because they have a blocking warning or no readings."""
-    return {a for a in axes if any(w.blocks(a) or (w.code == "axis_absent" and w.axis == a) for w in warnings)}
+    return absent(warnings) | {a for a in axes if any(w.blocks(a) for w in warnings)}
+
+
+def absent(warnings: list[Warning]) -> set[str]:
+    """The axes that the sensor does not have, as far as its readings say."""
+    return {w.axis for w in warnings if w.code == "axis_absent" and w.axis is not None}

@@ -13,20 +13,51 @@ CODES = (
     "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
     "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
     "no_answer", "reference_jumps", "reference_unrelated", "offset_ambiguous", "hardly_turned", "noise_unknown",
-    "turn_exact",
+    "turn_exact", "corrected_already", "beyond_model",
 )  # fmt: skip
 """Codes that ``accept`` may name."""
 
 
 def check(session: Session) -> list[Warning]:
-    """``unknown_key``, ``line_damaged`` and ``turn_exact``."""
-    out = [Warning("unknown_key", None, None, _unread(key, SessionFile)) for key in session.unread]
+    """``corrected_already``, ``unknown_key``, ``line_damaged`` and ``turn_exact``."""
+    out = _corrected(session)
+    out += [Warning("unknown_key", None, None, _unread(key, SessionFile)) for key in session.unread]
     out += [Warning("unknown_key", None, None, text) for entry in session.accept if (text := _unaccepted(entry))]
     for run in session.runs:
         out += [Warning("unknown_key", None, run.file, _unread(key, RunEntry)) for key in run.unread]
         if run.damage:
             out.append(Warning("line_damaged", None, run.file, run.damage))
     return out + [warning for axis in range(len(AXES)) for warning in _exact_turn(session, axis)]
+
+
+def _corrected(session: Session) -> list[Warning]:
+    """``corrected_already``: rates that are not the sensor's own, which session.toml states."""
+    if not session.corrected:
+        return []
+    text = (
+        f"the rates are those of {session.corrected}: offsets, and perhaps a rotation, were applied to them before they were "
+        "logged. A model fitted on them holds what that left. Import the sensor's own rates where the log has them "
+        "(sensor_gyro of PX4), or export the model with --add-to and the vehicle's parameters"
+    )
+    return [Warning("corrected_already", None, None, text)]
+
+
+def corrected_otherwise(by: str | None, of_model: str) -> list[Warning]:
+    """``corrected_already``: the rates of a log were not corrected by what had corrected those that its model was fitted on.
+
+    ``by`` and ``of_model`` name what had corrected them; None or empty: nothing, they are the sensor's own.
+    """
+    if (by or "") == of_model:
+        return []
+    text = (
+        f"the rates are {_whose(by)}, and the model was fitted on {_whose(of_model)}: the offsets between them stay in the "
+        "readings or are removed twice. Take the same rates as for the model (--topic or --map)"
+    )
+    return [Warning("corrected_already", None, None, text)]
+
+
+def _whose(by: str | None) -> str:
+    return f"those of {by}" if by else "the sensor's own"
 
 
 def _exact_turn(session: Session, axis: int) -> list[Warning]:

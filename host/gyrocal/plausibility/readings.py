@@ -220,6 +220,15 @@ def clipped(session: Session, model: Model, levels_dps: Levels) -> list[Warning]
     return out
 
 
+def first_off(session: Session, levels_dps: Levels) -> dict[str, int]:
+    """How many first readings of each run stand off what follows on any axis, by the run's file; see :func:`first_sample`."""
+    off: dict[str, int] = {}
+    for i, level in enumerate(levels_dps):
+        for file, apart_dps in _first_apart(session, i, level).items():
+            off[file] = max(off.get(file, 0), _last_apart(apart_dps))
+    return off
+
+
 def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
     """``first_sample``: the first readings of a run deviate from the line through the following readings.
 
@@ -227,8 +236,7 @@ def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
     """
     out = []
     for i, (axis, level) in enumerate(zip(AXES, levels_dps, strict=True)):
-        whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
-        off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
+        off = _first_apart(session, i, level)
 
         def text(run: Run | None, off: dict[str, Array] = off, axis: str = axis) -> str:
             apart = np.concatenate(list(off.values())) if run is None else off[run.file]
@@ -239,6 +247,12 @@ def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
 
         out += told(session, "first_sample", axis, [r for r in session.runs if r.file in off], text, False)
     return out
+
+
+def _first_apart(session: Session, axis: int, level: float | None) -> dict[str, Array]:
+    """How far the first readings of the runs stand off, deg/s, by file; runs in which none does are left out."""
+    whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, axis])]
+    return {r.file: apart for r in whole if (apart := _first_apart_dps(r, axis)) is not None}
 
 
 def _first_apart_dps(run: Run, axis: int) -> Array | None:

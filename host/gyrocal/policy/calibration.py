@@ -52,3 +52,23 @@ class Calibration:
         1e-3, "relative deviation from the sample rate of its training up to which a network answers",
         larger="the network answers for another time scale", smaller="rounding of a stated rate leaves no answer",
     )  # fmt: skip
+    beyond_part: float = threshold(
+        0.05, "part of the width of the range of rates or accelerations of a model's session that may be added at both ends "
+        "before a sample lies beyond the model", larger="a rate that no term was fitted to passes",
+        smaller="a table that turns a few percent faster is beyond the model",
+    )  # fmt: skip
+    beyond_rate_dps: float = threshold(
+        2.0, "rate by which a sample may exceed these ends besides, deg/s",
+        larger="slow turns about an axis about which the session never turned pass",
+        smaller="the bias of another power cycle or a table that is not level is called a rate beyond the model",
+    )  # fmt: skip
+    beyond_acc_g: float = threshold(
+        0.1, "acceleration by which a sample may exceed these ends besides, g",
+        larger="tilts pass of which a sensitivity to gravity is not known",
+        smaller="the accelerometer's own bias is called an acceleration beyond the model",
+    )  # fmt: skip
+    beyond_temp_c: float = threshold(
+        1.0, "temperature beyond those of a model's session from which on the warning beyond_model is given, °C",
+        larger="models are used in the cold or heat without a word",
+        smaller="the next day's room is called a temperature beyond the model",
+    )  # fmt: skip

@@ -18,6 +18,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.fit import Fit
 from gyrocal.present import page, report
 from gyrocal.present.output import stdout, table
+from gyrocal.present.verdict import left_over
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import variables
 
@@ -88,10 +89,9 @@ def conclusion(e: Explanation) -> str:
             return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
         left = "What is left over is not noise alone."
         return f"{left} It resembles {best}, but the error of held-out data does not fall with it."
-    if e.verdict == "adequate" and not e.steps:
-        return "Nothing is missing: what is left over is noise."
-    if e.verdict == "adequate":
-        return "With these effects the model is adequate: what is left over is noise."
+    if e.verdict == "adequate" and e.steps:
+        compared = e.last.comparison.to_json()
+        return left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")
     return report.verdict_text(e.last)
 
 

@@ -31,7 +31,7 @@ from gyrocal.present.report import (
     print_warnings,
     sizes,
 )
-from gyrocal.present.verdict import stands_on
+from gyrocal.present.verdict import adequate, first_sentence, high_floor, left_over, nothing_found, stands_on
 from gyrocal.recording.session import Session
 from gyrocal.units import percentage
 
@@ -105,6 +105,10 @@ def show_explain(
     ]  # fmt: skip
     table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
     print_diagnosis(found.last, path, str(model))
+    if found.verdict == "adequate" and found.steps:
+        compared = found.last.comparison.to_json()
+        text = left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")
+        stdout.print(text, style="bold", markup=False)
 
 
 def headline(c: Comparison) -> str:
@@ -112,8 +116,7 @@ def headline(c: Comparison) -> str:
     if c.verdict == "implausible":
         return BLOCKED
     if c.verdict == "adequate":
-        fits = "The model is adequate" if c.moved is None else "The model still holds, and no parameter has moved"
-        return f"{fits}: what is left over is noise."
+        return adequate(c.to_json())
     first = c.where[0]
     if c.moved is not None:
         return f"The model no longer holds: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
@@ -134,6 +137,7 @@ def print_comparison(c: Comparison) -> None:
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
+    print_note(high_floor(c.to_json()))
     print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold", markup=False)
 
@@ -153,10 +157,13 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     best = d.best
     target = model if model and model.endswith(".toml") else "model.toml"
     if d.verdict == "add" and best is not None:
-        stdout.print(f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}.", style="bold")
+        cause = first_sentence(best.effect.cause)
+        stdout.print(f"Missing: {best.effect.title.lower()} on {best.axis}. {cause}", style="bold", markup=False)
         stdout.print(f"next: gyrocal add {best.effect.id} {session} --model {target}")
     elif d.verdict == "ambiguous" and best is not None:
         stdout.print(f"One of {', '.join(best.group)}. To part them: {best.next_measurement}.", style="bold", markup=False)
+    elif d.verdict == "adequate":
+        stdout.print(nothing_found(d.candidates, d.comparison.to_json()), style="bold", markup=False)
     else:
         stdout.print(headline(d.comparison), style="bold", markup=False)
 

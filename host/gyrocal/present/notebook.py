@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
-from matplotlib.figure import Figure
 
 from gyrocal.calibration.calibration import Calibration
 from gyrocal.diagnosis.comparison import Comparison
@@ -20,16 +19,22 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.planning.plan import Plan
 from gyrocal.present import explanation, pictures
 from gyrocal.present import gravity as by_gravity
+from gyrocal.present.figure import new_figure
 from gyrocal.present.output import plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
 from gyrocal.present.report import deg, headline, level_unit, verdict_text
 from gyrocal.present.taken import cell
 from gyrocal.present.taken import words as from_words
+from gyrocal.present.verdict import is_high
 from gyrocal.recording.session import Session
 from gyrocal.shown import VIEWS, View
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 LEVELS = {"rms_dps": "rms", "floor_dps": "noise floor", "excess_dps": "excess"}
+FLOOR_ABOVE = " (the fitted noise expects more than these data show, so that the floor is above the rms)"
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
@@ -63,6 +68,8 @@ def _comparison_words(found: Comparison) -> str:
         v = found.angles.level()
         levels = f"rms {deg(v.rms_deg)} deg, noise floor {deg(v.floor_deg)} deg, excess {deg(v.excess_deg)} deg"
     where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
+    if is_high(found.to_json(), "dps" if found.angles is None else "deg"):
+        levels += FLOOR_ABOVE
     return "\n".join([f"{found.verdict}; {levels}", headline(found), *where, *([found.note] if found.note else [])])
 
 
@@ -87,7 +94,7 @@ def _diagnosis_table(found: Diagnosis | gravity_diagnosis.Diagnosis) -> pl.DataF
 def _diagnosis_figure(found: Diagnosis | gravity_diagnosis.Diagnosis) -> Figure:
     """What each candidate gains held out, with its standard error; those to add are blue."""
     rows = [c for c in found.candidates if c.gain is not None][::-1]
-    figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
+    figure = new_figure(8, 1 + 0.3 * max(1, len(rows)))
     axes = figure.subplots()
     for place, c in enumerate(rows):
         axes.errorbar(c.gain, place, xerr=c.gain_se or 0.0, fmt="o", color="C0" if c.decision == "add" else "0.5")  # type: ignore[arg-type]
@@ -118,7 +125,7 @@ def _calibration_figure(found: Calibration) -> Figure:
     """Scale and bias with their standard errors, methods side by side; an estimate that is not trusted is hollow."""
     columns = list(dict.fromkeys((e.scenario, e.axis, cell(e.taken)) for e in found))
     methods = list(dict.fromkeys(e.method for e in found))
-    figure = Figure(figsize=(max(8.0, 0.6 * len(columns)), 5), layout="constrained")
+    figure = new_figure(max(8.0, 0.6 * len(columns)), 5)
     scale, bias = figure.subplots(2, 1, sharex=True)
     for e in found:
         place = columns.index((e.scenario, e.axis, cell(e.taken))) + 0.15 * (methods.index(e.method) - (len(methods) - 1) / 2)
@@ -164,7 +171,7 @@ def _model_table(model: Model) -> pl.DataFrame:
 def _model_figure(model: Model) -> Figure:
     """Each fitted parameter over its standard error, on a scale that is linear near 0; its value stands beside it."""
     rows = [row for row in _model_rows(model) if row["se"]][::-1]
-    figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
+    figure = new_figure(8, 1 + 0.3 * max(1, len(rows)))
     axes = figure.subplots()
     axes.axvspan(-2, 2, color="0.9")
     for place, row in enumerate(rows):
@@ -186,7 +193,7 @@ def _plan_words(plan: Plan) -> str:
 
 def _plan_figure(plan: Plan) -> Figure:
     """The rate of the table over the recorded minutes; chamber temperatures beside the runs."""
-    figure = Figure(figsize=(8, 3), layout="constrained")
+    figure = new_figure(8, 3)
     axes, start_min = figure.subplots(), 0.0
     for run in plan.runs:
         stop_min = start_min + run.seconds / 60
@@ -203,6 +210,8 @@ def _angles_words(found: gravity.Comparison) -> str:
     level = found.pooled
     levels = f"rms {deg(level.rms_deg)} deg, noise floor {deg(level.floor_deg)} deg, excess {deg(level.excess_deg)} deg"
     where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
+    if is_high(found.to_json(), "deg"):
+        levels += FLOOR_ABOVE
     return "\n".join([f"{found.verdict}; {levels}", by_gravity.headline(found), *where, *([found.note] if found.note else [])])
 
 
@@ -213,7 +222,7 @@ def _angles_table(found: gravity.Comparison) -> pl.DataFrame:
 
 def _angles_figure(found: gravity.Comparison) -> Figure:
     """Rms and noise floor of the movements about each axis."""
-    figure = Figure(figsize=(8, 2), layout="constrained")
+    figure = new_figure(8, 2)
     axes = figure.subplots()
     for place, level in enumerate(found.per_axis.values()):
         axes.barh(place, level.rms_deg or 0.0, color="C0", height=0.6)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gyrocal import __version__
 from gyrocal.errors import InputError
+from gyrocal.extras import needed
 from gyrocal.files import replace_text
 from gyrocal.present.tables import plain
 from gyrocal.recording.session import Session
@@ -25,14 +26,14 @@ def render(template: str, name: str, verdict: str, adequate: bool, warnings: Seq
     sentence below it, which is marked green if ``adequate``. ``content`` is what the template itself shows; beside it a
     template has ``table(columns, rows, kind)`` for every table.
     """
-    import jinja2
-
+    jinja2 = needed("jinja2", "plot", "a page")
     package = files("gyrocal")
     loader = jinja2.FunctionLoader(lambda path: package.joinpath(path).read_text(encoding="utf-8"))
-    return jinja2.Environment(autoescape=True, loader=loader).get_template(template).render(
+    text: str = jinja2.Environment(autoescape=True, loader=loader).get_template(template).render(
         name=name, verdict=verdict, adequate=adequate, warnings=[(w.blocking, line(w)) for w in by_weight(warnings)],
         version=__version__, table=_table, **content,
     )  # fmt: skip
+    return text
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[object]], kind: str = "") -> Markup:

@@ -16,6 +16,7 @@ from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present.figure import new_figure
 from gyrocal.present.spectra import against_frequency, against_order
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import Variable, variables
@@ -40,9 +41,7 @@ FEW_DECADES = 4
 
 def framed(width: float, height: float) -> tuple[Figure, Any]:
     """A figure of ``width`` by ``height`` inches with one pair of axes."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=110)
+    figure = new_figure(width, height, dpi=110)
     axes = figure.add_subplot()
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
@@ -260,9 +259,7 @@ def calibration_errors(errors: Mapping[str, Mapping[float, tuple[float, float]]]
 
     ``errors`` maps method and seconds to (scale, bias_dps).
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 3.4), layout="constrained", dpi=110)
+    figure = new_figure(8, 3.4, dpi=110)
     panels = figure.subplots(1, 2)
     styles = [(GREY, "s"), (PURPLE, "^"), (ORANGE, "D"), (BLUE, "o")]
     for (method, points), (colour, marker) in zip(errors.items(), styles * len(errors), strict=False):

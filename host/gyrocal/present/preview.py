@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
-
+from gyrocal.present.figure import new_figure
 from gyrocal.recording.session import Session
 from gyrocal.units import CELSIUS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("rate, dps", ("gx_dps", "gy_dps", "gz_dps", "rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps")),
@@ -25,7 +28,7 @@ def preview(session: Session) -> Figure:
     """The figure: one row of axes for each kind of column that is there."""
     there = {name for run in session.runs for name in run.table.columns}
     rows = [(unit, [c for c in columns if c in there]) for unit, columns in ROWS if there & set(columns)]
-    figure = Figure(figsize=(10, 1 + 2 * len(rows)), layout="constrained")
+    figure = new_figure(10, 1 + 2 * len(rows))
     grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     start_s = 0.0
     for run in session.runs:

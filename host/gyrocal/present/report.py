@@ -16,9 +16,11 @@ from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
 from gyrocal.effects.base import Effect, title_of
 from gyrocal.inference.blocks import BLOCK_S
+from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
+from gyrocal.present import probability
 from gyrocal.present.output import plus_minus, stdout, table
-from gyrocal.present.verdict import stands_on
+from gyrocal.present.verdict import adequate, first_sentence, high_floor, nothing_found, stands_on
 from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
@@ -46,8 +48,7 @@ def headline(c: Comparison) -> str:
     if c.verdict == "implausible":
         return BLOCKED
     if c.verdict == "adequate":
-        fits = "The model is adequate" if c.moved is None else "The model still holds, and no parameter has moved"
-        return UNTIMED if _is_untimed(c) else f"{fits}: what is left over is noise."
+        return UNTIMED if _is_untimed(c) else adequate(c.to_json())
     first = c.where[0]
     if c.moved is not None:
         return f"The model no longer holds: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
@@ -62,7 +63,10 @@ def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
     """Names of each axis and of all together in tables, where an axis with a blocking warning is marked."""
     blocked = [axis for axis in c.per_axis if axis not in c.judged]
     names = {axis: f"{axis} (not judged)" if axis in blocked else axis for axis in c.per_axis}
-    return names, f"all (with {', '.join(blocked)})" if blocked else "all"
+    gone = absent(c.warnings) & names.keys()
+    counted = [axis for axis in blocked if axis not in gone]
+    told = [f"{word} {', '.join(axes)}" for word, axes in (("with", counted), ("without", sorted(gone))) if axes]
+    return names, f"all ({', '.join(told)})" if told else "all"
 
 
 def level_unit(c: Comparison) -> RateUnit:
@@ -144,6 +148,7 @@ def print_comparison(c: Comparison) -> None:
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
+    print_note(high_floor(c.to_json()))
     print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold")
 
@@ -192,11 +197,12 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
-        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
-         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
+        [c.effect.id, c.axis, c.decision, probability.short(c.probability),
+         "-" if c.explained is None else percentage(c.explained), "-" if c.gain is None else plus_minus(c.gain, c.gain_se),
+         sizes(c)]
         for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
-    table("", ["effect:", "axis:", "decision:", "explained", "held-out gain", "size:"], rows)
+    table("", ["effect:", "axis:", "decision:", "probability", "explained", "held-out gain", "size:"], rows)
     if rejected[REJECTED_SHOWN:]:
         stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
     unseen = [c for c in d.candidates if c.decision == "not_measurable"]
@@ -205,7 +211,11 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     if on_table:
         rows = [[c.effect.id, c.next_measurement] for c in on_table]
         table("What this session cannot show", ["effect:", "what would show it:"], rows)
+    alternatives = [a.to_json() for a in d.alternatives]
+    if probability.set_rows(alternatives):
+        table("What explains each axis together", list(probability.SETS), probability.set_rows(alternatives))
     stdout.print(verdict_text(d), style="bold")
+    print_note(probability.left_over(alternatives))
     target = model if model and model.endswith(".toml") else "model.toml"
     if d.verdict == "add" and d.best is not None and d.best.together:
         stdout.print(f"{', '.join(d.best.together)} are certain only together")
@@ -235,8 +245,8 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
         return BLOCKED
     if d.verdict == "add" and best is not None:
         named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id}
-        cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
-        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}.{_also(d, best)}"
+        cause = first_sentence(best.effect.cause_in(d.comparison.fit.session.runs))
+        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}{_also(d, best)}"
     if d.verdict == "ambiguous" and best is not None:
         group = ", ".join(map(called, best.group))
         return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
@@ -249,7 +259,7 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
-    return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
+    return UNTIMED if _is_untimed(d.comparison) else nothing_found(d.candidates, d.comparison.to_json())
 
 
 def _also(d: Diagnosis, best: Candidate) -> str:
@@ -334,7 +344,7 @@ def write_page(path: Path, c: Comparison) -> None:
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=judged_rows(c), level_columns=level_columns(c),
-        judged_by=judged_by(c), stands_on=stands_on(c.to_json()),
+        judged_by=judged_by(c), stands_on=stands_on(c.to_json()), high_floor=high_floor(c.to_json()),
         where=where_rows(c), where_columns=WHERE, pictures=drawn, parameters=parameter_rows(c), parameter_columns=PARAMETERS,
         moved=moved_rows(c.moved or ()), moved_columns=MOVED, note=c.note,
     )  # fmt: skip

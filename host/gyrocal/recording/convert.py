@@ -11,7 +11,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
-from gyrocal.recording.source import Booleans, Source
+from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
 from gyrocal.recording.stamps import goes_back, in_bursts, regression, step_range_s
 from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
@@ -19,8 +19,6 @@ from gyrocal.warning import Warning
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
-MOST_DAMAGED = 0.05
-"""Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
 LONGEST_S = 1e9
 """Times that span more than this, thirty years, are no times of one recording."""
 TWICE = 0.9

@@ -42,6 +42,7 @@ def session_of(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **heade
         full_scale_dps=checked.full_scale_dps, lsb_dps=checked.lsb_dps, latitude_deg=checked.latitude_deg,
         accept=tuple(checked.accept or ()), reference=checked.reference, board=checked.board, rig=checked.rig,
         line=checked.line, made_on=None if checked.made_on is None else str(checked.made_on),
+        corrected=checked.corrected,
     )  # fmt: skip
     return session.with_runs(_run(i, checked.run[i], checked, table) for i, table in enumerate(tables))
 

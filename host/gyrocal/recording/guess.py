@@ -11,6 +11,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import STANDARD_GRAVITY, TARGETS, ColumnMap, Scaling
+from gyrocal.recording.column_names import GYRO, UNIT_WORDS, bare_name, body_rates, every_named, first_named, stated_unit
 from gyrocal.recording.session import AXES, Array
 from gyrocal.recording.source import Source, moments_ns
 from gyrocal.recording.stamps import period_s
@@ -19,11 +20,6 @@ TIME = (
     r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|clock|zeit|all_time|"
     r"sampletimefine|timestamp_unix"
 )
-GYRO = (
-    r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
-    r"all_gyro_2|drehrate"
-)
-TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 ACCELERATION = (
     r"acc|accel|accelerometer|acceleration|acc_?smooth|accel_[lw][nr]|a|ac|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2|"
     r"beschleunigung"
@@ -32,26 +28,10 @@ TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:eratur
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
 TRACKER = r"ref|reference|truth|gt|ground_?truth|vicon|optitrack|mocap|qualisys|optical"
 """Words of an orientation that another instrument measured: a sensor's own estimate of it is no reference."""
-OWN_FILE = rf"{TRACKER}|orientation|quaternion|quat|rotation|rot|q"
+OWN_FILE = rf"{TRACKER}|orientation|quaternion|quat|rotation|rot|q|q_rs"
 """Words of an orientation in a file of the reference alone."""
 RATE = r"rate|speed|velocity|vel|omega|w|angular_?rate|angular_?velocity"
 ANGLE = r"angle|position|pos|deg|degs|rad|rads|phi|theta"
-UNIT_WORDS = {
-    "t_s": {
-        "ns": "ns|nsec|nanoseconds", "us": "us|usec|micros|microseconds", "ms": "ms|msec|millis|milliseconds",
-        "s": "s|sec|secs|seconds",
-    },
-    "gyro": {
-        "rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps|rad(?:ian)?s?_per_s(?:ec(?:ond)?)?", "mdps": "mdps",
-        "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s|deg(?:ree)?s?_per_s(?:ec(?:ond)?)?",
-    },
-    "acceleration": {
-        "m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2|m(?:eter)?s?_per_s(?:ec(?:ond)?)?(?:2|_squared)", "mg": "mg", "g": "gs?",
-    },
-    "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°"},
-    "temp_c": {"degC": "c|degc|°c|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
-}  # fmt: skip
-"""Words in a column's name that state its unit."""
 TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 TICK_S = 5e-4
 """Counts of an Xsens clock that would be shorter steps than this as microseconds are of 0.1 ms."""
@@ -104,13 +84,15 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
         _add(found, _time(source))
-    every = {axis: _every_named(source, GYRO, axis) for axis in axes}
+    every = {axis: every_named(source, GYRO, axis) for axis in axes}
     named = {axis: next(iter(names), None) for axis, names in every.items()}
+    if not any(named.values()):
+        named = body_rates(source, axes)
     phone = not any(named.values()) and "gyro" in Path(source.label).name.lower()
     if phone:  # Gyroscope.csv of a phone: time, x, y, z
         named = {axis: next((n for n in source.frame.columns if n.lower() == axis), None) for axis in axes}
     gyro = {axis: name for axis, name in named.items() if name is not None and f"g{axis}_dps" not in found}
-    acceleration = [_named(source, ACCELERATION, a) for a in AXES]
+    acceleration = [first_named(source, ACCELERATION, a) for a in AXES]
     acceleration_names = [n for n in acceleration if n is not None] if "ax_g" not in found else []
     si = False
     if len(acceleration_names) == 3:
@@ -147,10 +129,10 @@ def guess_reference(source: Source) -> list[Guess]:
     _add(found, _time(source))
     for guessed in _orientation(source, rf"(?:.*[/._ ])?(?:{OWN_FILE})") or _orientation(source, ""):
         _add(found, guessed)
-    rates = [_named(source, rf"{GYRO}|{REFERENCE}", axis) for axis in AXES]
+    rates = [first_named(source, rf"{GYRO}|{REFERENCE}", axis) for axis in AXES]
     if "ref_qw" not in found and None not in rates:
         for axis, name in zip(AXES, rates, strict=True):
-            unit = _stated_unit(str(name), "gyro")
+            unit = stated_unit(str(name), "gyro")
             why = "the unit is in its name" if unit else "rad/s is possible too"
             _add(found, Guess(f"ref_{axis}_dps={name}:{unit or 'dps'}", f"the true rate: {why}"))
     elif "ref_qw" not in found:
@@ -169,49 +151,16 @@ def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
         found[guessed.map.partition("=")[0]] = guessed
 
 
-def _bare(name: str) -> tuple[str, str]:
-    """A column's name without its unit, in lower case, and the unit's words: ``Gyro X (rad/s)``, ``w_RS_S_x [rad s^-1]``."""
-    match = re.fullmatch(r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*", name.strip())
-    bare, unit = (match[1], match[2]) if match else (name.strip(), "")
-    return bare.strip(" #").lower(), unit.strip().lower()
-
-
 def _check_one_sensor(source: Source) -> None:
     """Raise InputError if a column says that the rows are of several sensors in turn."""
     for name in source.frame.columns:
-        if not re.fullmatch(WHICH_SENSOR, _bare(name)[0]):
+        if not re.fullmatch(WHICH_SENSOR, bare_name(name)[0]):
             continue
         column = source.frame[name].drop_nulls()
         kinds = column.unique(maintain_order=True)
         if 2 <= len(kinds) <= MOST_SENSORS and (column != column.shift()).sum() > ALTERNATE * len(column):
             shown = ", ".join(f"{kind:g}" if isinstance(kind, float) else str(kind) for kind in kinds)
             raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
-
-
-def _named(source: Source, words: str, axis: str) -> str | None:
-    """The first column whose name is one of the words with this axis."""
-    return next(iter(_every_named(source, words, axis)), None)
-
-
-def _every_named(source: Source, words: str, axis: str) -> list[str]:
-    """The columns whose names are one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``; else ``yaw_rate``."""
-    index = str(AXES.index(axis))
-    number = rf"\.{index}|\[{index}\]"
-    spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
-    units = rf"(?:[ _.-]?(?:{spelled}|rad|rad_?s|mdps|deg|m_?s2|mps2|mg|gs?|raw))?"
-    kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
-    named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
-    turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
-    found = [name for name in source.frame.columns if re.fullmatch(named, _bare(name)[0])]
-    return found or [n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, _bare(n)[0])]
-
-
-def _stated_unit(name: str, kind: str) -> str | None:
-    bare, unit = _bare(name)
-    for known, words in UNIT_WORDS[kind].items():
-        if re.fullmatch(words, unit) or re.search(rf"(?:^|[ _.-])(?:{words})(?:$|[ _.-](?:[xyz]|\d)$|\[\d\]$)", bare):
-            return known
-    return None
 
 
 def _values(source: Source, name: str) -> Array:
@@ -222,7 +171,7 @@ def _values(source: Source, name: str) -> Array:
 def _time(source: Source) -> Guess | None:
     """The first column that is named as a time; its unit is stated in its name, or makes a rate that gyroscopes are read at."""
     for name in source.frame.columns:
-        bare, _ = _bare(name)
+        bare, _ = bare_name(name)
         units = "|".join(UNIT_WORDS["t_s"].values())
         if not re.fullmatch(rf"(?:.*[/._ ])?(?:{TIME})(?:[ _.-]?cal)?(?:[ _.-]?(?:{units}))?", bare):
             continue
@@ -230,7 +179,7 @@ def _time(source: Source) -> Guess | None:
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 2 or not _runs_forward(t_s):
             continue
-        stated = _stated_unit(name, "t_s")
+        stated = stated_unit(name, "t_s")
         if moments_ns(source.frame[name]) is not None:
             return Guess(f"t_s={name}", "dates or times of day")
         if stated is not None:
@@ -286,7 +235,7 @@ def _runs_forward(t_s: Array) -> bool:
 
 
 def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, str]:
-    stated = _stated_unit(names[0], "acceleration")
+    stated = stated_unit(names[0], "acceleration")
     if stated is not None or source.si:
         return f":{stated or 'm/s2'}", "the unit is in its name" if stated else "messages of this kind are in m/s2"
     parts = [_values(source, name) for name in names]
@@ -303,7 +252,7 @@ def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, st
 
 def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scaling) -> tuple[str, str]:
     """The unit as ``--map`` writes it. ``si`` says why its maker thinks in SI units; empty if nothing says so."""
-    stated = _stated_unit(names[0], "gyro")
+    stated = stated_unit(names[0], "gyro")
     if stated is not None or source.si:
         return f":{stated or 'rad/s'}", "the unit is in its name" if stated else "messages of this kind are in rad/s"
     values = np.concatenate([_values(source, name) for name in names])
@@ -333,14 +282,14 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
 
 def _temperature(source: Source) -> Guess | None:
     for name in source.frame.columns:
-        bare, _ = _bare(name)
+        bare, _ = bare_name(name)
         named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?"
         if bare in ("t", "time") or not re.fullmatch(named, bare):
             continue
         values = _values(source, name)
         if not values.size:
             continue
-        stated = _stated_unit(name, "temp_c")
+        stated = stated_unit(name, "temp_c")
         middle = float(np.median(values))
         unit = stated or ("K" if 200 < middle < 400 else "degC")
         if unit == "degC" and not -60 < middle < 150:
@@ -354,7 +303,7 @@ def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") ->
     names = []
     for part in "wxyz":
         named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q)?[/._ ]?{part}"
-        names += [name for name in source.frame.columns if re.fullmatch(named, _bare(name)[0])][:1]
+        names += [name for name in source.frame.columns if re.fullmatch(named, bare_name(name)[0])][:1]
     if len(names) < 4:
         return []
     size = np.sqrt(sum(source.numbers(ColumnMap("ref_qw", name)) ** 2 for name in names))
@@ -370,16 +319,16 @@ def _reference(source: Source, found: Mapping[str, Guess]) -> Guess | None:
     taken = {g.map.partition("=")[2] for g in found.values()}
     unit_of_gyro = next((g.map.rpartition(":")[2] for name, g in found.items() if name.startswith("g") and ":" in g.map), "dps")
     for name in source.frame.columns:
-        bare, _ = _bare(name)
+        bare, _ = bare_name(name)
         if name in taken or not _values(source, name).size:
             continue
         rate = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{RATE})?(?:[ _.-]?(?:dps|rad_?s|rads|mdps|deg_?s))?"
         angle = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{ANGLE})(?:[ _.-]?(?:deg|degs|rad|rads|turns?))?"
-        stated = _stated_unit(name, "gyro")
+        stated = stated_unit(name, "gyro")
         if re.fullmatch(rate, bare) and (stated or re.search(rf"(?:{RATE})$", bare)):
             why = "the unit is in its name" if stated else "its name; the unit is taken to be the gyroscope's"
             return Guess(f"rate_ref_dps={name}:{stated or unit_of_gyro}", f"the true rate: {why}")
-        stated = _stated_unit(name, "angle")
+        stated = stated_unit(name, "angle")
         if re.fullmatch(angle, bare) and stated:
             return Guess(f"ref_angle_deg={name}:{stated}", "the true angle: the unit is in its name")
     return None

@@ -67,6 +67,7 @@ class SessionFile(BaseModel):
     rig: str | None = None
     line: str | None = None
     made_on: str | datetime.date | None = None
+    corrected: str | None = None
     accept: list[str] | None = None
     reference: Reference = Reference()
     run: list[RunEntry] = Field(min_length=1)
@@ -91,6 +92,11 @@ class SessionFile(BaseModel):
 
 
 WHAT_IT_IS = "a session is a folder with session.toml and a table a run"
+
+
+def folder_of(path: Path) -> Path:
+    """A session's folder, given as such or by its ``session.toml``."""
+    return path.parent if path.name == "session.toml" and path.is_file() else path
 
 
 def read_header(folder: Path) -> SessionFile:

@@ -9,6 +9,7 @@ from typing import Any
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.cut import Cut, check_meta
+from gyrocal.recording.first_rows import Taken
 from gyrocal.recording.guess import Guess
 from gyrocal.recording.header import Reference
 from gyrocal.recording.second_file import SecondFile
@@ -46,6 +47,8 @@ class Options:
     resample_hz: float | None = None
     gravity: bool = False
     clock: str = "same"
+    needs_rate: bool = field(default=True, repr=False)
+    """False for a log that is only corrected: no true rate is asked for, and none is looked for among its columns."""
 
     @staticmethod
     def of(maps: Sequence[str], given: Mapping[str, Any]) -> Options:
@@ -54,6 +57,7 @@ class Options:
         InputError where a name is none of these.
         """
         own, scales = ({f.name for f in fields(kind)} for kind in (Options, Scaling))
+        own -= {"needs_rate"}
         known = sorted(own | scales | set(FACTS))
         for name in given:
             if name not in known:
@@ -89,9 +93,18 @@ def with_gravity(options: Options, existing: Session | None) -> Options:
     return replace(options, gravity=True)
 
 
-def with_second(options: Options) -> tuple[Options, tuple[Guess, ...]]:
-    """The options with the columns of the reference's own file, and those of them that were guessed."""
+@dataclass(frozen=True)
+class WithSecond:
+    """The options with the columns of the reference's own file, those of them that were guessed, and its first rows."""
+
+    options: Options
+    guessed: tuple[Guess, ...] = ()
+    first_rows: tuple[Taken, ...] = ()
+
+
+def with_second(options: Options) -> WithSecond:
+    """The options with the columns of the reference's own file, if there is one."""
     if options.second is None:
-        return options, ()
+        return WithSecond(options)
     second, guessed = options.second.guessed()
-    return replace(options, second=second), guessed
+    return WithSecond(replace(options, second=second), guessed, second.first_rows(options.scaling, guessed))

@@ -14,8 +14,10 @@ from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
 from gyrocal.recording.convert import Converted, convert, even, rate_of
+from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
+from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, guess
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.import_options import Options, with_gravity, with_second
@@ -43,6 +45,8 @@ class Imported:
     guessed: tuple[Guess, ...]
     warnings: tuple[Warning, ...]
     repaired: Mapping[str, int]
+    first_rows: tuple[Taken, ...] = ()
+    """The columns with their first cells: of a folder, those of its first file, and those that another file has otherwise."""
 
     def save(self, out: str | Path, *, append: bool = False) -> Session:
         """Write the session into a new folder, or add its runs to one. Nothing is written if that fails."""
@@ -101,7 +105,8 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     if options.form is not None:
         options = replace(options, maps=[*mapping_of(options.form), *options.maps])
         path = _data_file(path)
-    options, of_reference = with_second(with_gravity(options, existing))
+    of_reference = with_second(with_gravity(options, existing))
+    options = of_reference.options
     files = _files(path)
     if len(files) > 1 and options.cuts:
         raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
@@ -109,23 +114,38 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     warnings: list[Warning] = []
     repaired: dict[str, int] = {}
     guessed: tuple[Guess, ...] = ()
+    rows: tuple[Taken, ...] = ()
     number = len(existing.runs) if existing else 0
     axis = options.axis or (existing.axis if existing else None)
+    corrected = {existing.corrected} if existing else set[str | None]()
     for file in files:
         read = _read_file(file, replace(options, axis=axis), number + len(runs), named=len(files) > 1)
         runs += read.session.runs
+        corrected.add(read.session.corrected)
+        _check_alike(file, corrected)
         axis = axis or read.session.axis
         warnings += read.warnings
         guessed = guessed or read.guessed
+        rows += tuple(row for row in read.first_rows if row.map not in {other.map for other in rows})
         for what, count in read.repaired.items():
             repaired[what] = repaired.get(what, 0) + count
     session = Session(
         sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis or "z",  # type: ignore[arg-type]
         sensor=options.sensor, full_scale_dps=options.full_scale_dps, lsb_dps=options.scaling.lsb_dps,
-        reference=options.reference,
+        reference=options.reference, corrected=corrected.pop(),
     )  # fmt: skip
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
-    return Imported(session, (*guessed, *of_reference), tuple(warnings), repaired | ({"resampled": slowed} if slowed else {}))
+    repaired |= {"resampled": slowed} if slowed else {}
+    return Imported(
+        session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows)
+    )
+
+
+def _check_alike(file: Path, corrected: set[str | None]) -> None:
+    """Raise InputError if some of a session's readings were corrected before, and others were not or by something else."""
+    if len(corrected) > 1:
+        kinds = " and ".join(sorted(f"readings of {by}" if by else "a sensor's own readings" for by in corrected))
+        raise InputError(f"{file}: a session cannot hold {kinds}; import this recording into a session of its own")
 
 
 def _data_file(path: Path) -> Path:
@@ -172,14 +192,18 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     cuts = with_meta(cuts, options.run_meta, defaults)
     check_names_differ(cuts)
     evened: list[Warning] = []
-    reference = options.reference
     runs = [
-        _run(source, mappings, table, cut, number + i, axis, rate_hz, reference, evened.append) for i, cut in enumerate(cuts)
+        _run(source, mappings, table, cut, number + i, axis, rate_hz, options, evened.append) for i, cut in enumerate(cuts)
     ]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
     counts = {"times": times, "rows": table.left_out, "twice": table.repeated, "cells": table.cells}
-    session = Session(sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis)  # type: ignore[arg-type]
-    return Imported(session, mapped.guessed, (*warnings, *evened), {what: count for what, count in counts.items() if count})
+    rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
+    corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
+    session = Session(
+        sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis, corrected=corrected,  # type: ignore[arg-type]
+    )  # fmt: skip
+    counts = {what: count for what, count in counts.items() if count}
+    return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
 
 
 @dataclass(frozen=True)
@@ -204,7 +228,8 @@ def _mapped(path: Path, options: Options) -> _Mapped:
     if not mappings and set(REQUIRED) <= set(source.frame.columns):
         return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
     stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
-    found = guess(source, scaling, reference=not (stated or has_reference(targets)))
+    wanted = options.needs_rate and not (stated or has_reference(targets))
+    found = guess(source, scaling, reference=wanted)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
     return _Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
 
@@ -247,7 +272,7 @@ def _rate_and_unit(source: Source, mappings: Sequence[ColumnMap], table: Convert
 
 def _run(
     source: Source, mappings: Sequence[ColumnMap], table: Converted, cut: Cut, index: int, axis: str, rate_hz: float | None,
-    reference: Reference, warn: Callable[[Warning], None],
+    options: Options, warn: Callable[[Warning], None],
 ) -> Run:  # fmt: skip
     """One cut as a run, checked; its time starts at 0."""
     start = _place(table, cut.start, 0)
@@ -270,16 +295,17 @@ def _run(
         columns["rate_ref_dps"] = rate_of(columns["t_s"], columns["rate_ref_dps"])
     meta = cut.meta
     run_axis = meta.get("axis") or axis
-    if f"g{run_axis}_dps" not in columns:
+    if options.needs_rate and f"g{run_axis}_dps" not in columns:
         raise InputError(f"run {cut.name}: its axis is {run_axis}, and nothing is mapped to g{run_axis}_dps; see --axis")
     columns |= {name: np.zeros(end - start) for name in REQUIRED[1:] if name not in columns}
-    _check_reference(cut, columns, reference, source.not_taken(mappings))
+    if options.needs_rate:
+        _check_reference(cut, columns, options.reference, source.not_taken(mappings))
     return Run(
         index, file, meta.get("scenario", "s000"), _face(meta, columns, run_axis), run_axis,  # type: ignore[arg-type]
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
         rate_hz or _nominal_rate_hz(columns["t_s"]),
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
-        turn_se_deg=meta.get("turn_se_deg"), reference=reference,
+        turn_se_deg=meta.get("turn_se_deg"), reference=options.reference,
     )  # fmt: skip
 
 

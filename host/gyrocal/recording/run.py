@@ -112,6 +112,9 @@ class Run:
     def __len__(self) -> int:
         return self.table.height
 
+    def __repr__(self) -> str:
+        return f"<Run: {self.file}, power cycle {self.scenario}, face {self.face}, axis {self.axis}>"
+
     @cached_property
     def t_s(self) -> Array:
         """Time in the run, shape [n], s, as in the file."""

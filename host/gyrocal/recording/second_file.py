@@ -12,10 +12,13 @@ from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
 from gyrocal.recording.convert import convert, even, rate_of
+from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, guess_reference
 from gyrocal.recording.session import Array
+from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import between
+from gyrocal.recording.trajectory import columns_of
 
 REACH = 3.0
 """Steps of the reference. A moment between two samples of it that are further apart has no reference."""
@@ -23,19 +26,46 @@ REACH = 3.0
 
 @dataclass(frozen=True)
 class SecondFile:
-    """The file of the reference: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if both have one clock."""
+    """The file of the reference: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if both have one clock.
+
+    ``names`` are all columns of a text without a header.
+    """
 
     path: Path
     maps: Sequence[str]
     clock: str = "same"
     topic: str | None = None
+    names: Sequence[str] | None = None
 
     def guessed(self) -> tuple[SecondFile, tuple[Guess, ...]]:
         """The file with a guess at its columns; as it is, with no guess, if they are given."""
         if self.maps:
             return self, ()
-        found = tuple(guess_reference(readers.read(self.path, topic=self.topic)))
-        return replace(self, maps=[g.map for g in found]), found
+        file, found = self, []
+        try:
+            source = self._read()
+        except InputError:
+            names = None if self.names else columns_of(self.path)
+            if names is None:
+                raise
+            file = replace(self, names=names)
+            why = "no header: the order of TUM, in which w is the last of the quaternion; other orders are possible too"
+            source, found = file._read(), [Guess(",".join(names), why, "--ref-columns")]
+        found += guess_reference(source)
+        return replace(file, maps=[g.map for g in found if g.option == "--ref-map"]), tuple(found)
+
+    def first_rows(self, scaling: Scaling, guessed: Sequence[Guess]) -> tuple[Taken, ...]:
+        """The first rows of the columns that are taken."""
+        mappings = self._mappings(scaling)
+        source = self._read([m.column for m in mappings])
+        source.check_has([m.column for m in mappings])
+        return first_rows(source, mappings, guessed)
+
+    def _mappings(self, scaling: Scaling) -> list[ColumnMap]:
+        return [ColumnMap.parse(text, scaling, "--ref-map") for text in self.maps]
+
+    def _read(self, names: Sequence[str] = ()) -> Source:
+        return readers.read(self.path, names, self.names, topic=self.topic, option="--ref-")
 
     def columns(self, t_s: Array, start_s: float, scaling: Scaling) -> dict[str, Array]:
         """The reference's columns at the sensor's times ``t_s`` [n], s, which count from ``start_s`` of its clock; [n], NaN
@@ -43,13 +73,13 @@ class SecondFile:
 
         With clock "own" times are taken as they are if both files overlap in time, and else as if both began together.
         """
-        mappings = [ColumnMap.parse(text, scaling, "--ref-map") for text in self.maps]
+        mappings = self._mappings(scaling)
         by_target = {m.target: m for m in mappings}
         other = sorted(set(by_target) - {"t_s", *REFERENCES})
         if other or "t_s" not in by_target or len(by_target) < 2:
             wrong = f"{other[0]} is no reference" if other else "map t_s and a reference"
             raise InputError(f"--ref-map: {wrong}; references are {', '.join(REFERENCES)}")
-        source = readers.read(self.path, [m.column for m in mappings], topic=self.topic)
+        source = self._read([m.column for m in mappings])
         source.check_has([m.column for m in mappings])
         columns = dict(convert(source, mappings, scaling.rate_hz).columns)
         times, _ = even(columns.pop("t_s"), lambda _: str(self.path), self.path.name)

@@ -10,7 +10,17 @@ from typing import Any
 
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
-from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionFile, check_inside, read_header, write_header
+from gyrocal.recording.header import (
+    FORMAT,
+    Axis,
+    Reference,
+    RunEntry,
+    SessionFile,
+    check_inside,
+    folder_of,
+    read_header,
+    write_header,
+)
 from gyrocal.recording.registration import ReferenceParameter, RegistrationFit
 from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
 from gyrocal.recording.table import write_table
@@ -42,13 +52,15 @@ class Session(Shown):
     line: str | None = None
     made_on: str | None = None
     """The origin of a board in a fleet: serial number, rig, production line and date (ISO), as free text."""
+    corrected: str | None = None
+    """What had corrected the readings before they were recorded, an autopilot for example; None for a sensor's own readings."""
     registration_fit: RegistrationFit | None = None
     """The estimate of the runs' ``registration``; None if it was not estimated."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
-        """Read and check a session folder. With ``check=False`` the tables are read when first used."""
-        folder = Path(path)
+        """Read and check a session: its folder or its session.toml. With ``check=False`` tables are read when first used."""
+        folder = folder_of(Path(path))
         header = read_header(folder)
         session = Session(
             sample_rate_hz=header.sample_rate_hz,
@@ -66,6 +78,7 @@ class Session(Shown):
             rig=header.rig,
             line=header.line,
             made_on=None if header.made_on is None else str(header.made_on),
+            corrected=header.corrected,
         )
         for run in session.runs:
             check_inside(folder, run.file)
@@ -144,7 +157,7 @@ class Session(Shown):
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
             "board": self.board, "rig": self.rig, "line": self.line, "made_on": self.made_on,
-            "accept": list(self.accept) or None,
+            "corrected": self.corrected, "accept": list(self.accept) or None,
             "reference": self.reference.model_dump(exclude_none=True, exclude_defaults=True) or None,
         }  # fmt: skip
 

@@ -17,8 +17,10 @@ from gyrocal.recording.stamps import step_range_s
 from gyrocal.recording.table import all_finite
 
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
-TOO_LONG = "in a row of too many cells"
+OTHER_WIDTH = "in a row of more or fewer cells"
 """Stands in each cell of such a row: nobody knows which cell belongs to which column."""
+MOST_DAMAGED = 0.05
+"""Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
 MISSING = ("", "nan", "null", "none", "nil", "na", "n/a", "#n/a", "-", "--", "?")
 """Words of a cell without a value, in lower case."""
 WRAP = 2.0**32
@@ -51,6 +53,8 @@ class Source:
     first_row: int = 1
     si: bool = False
     """True if the kind of file defines its units, which are rad/s and m/s2."""
+    names: tuple[str, ...] = ()
+    """The names of all of the file's columns, where the table does not hold them all."""
 
     def check_has(self, names: Sequence[str]) -> None:
         """Raise InputError if one of the columns is missing."""
@@ -104,7 +108,7 @@ class Source:
         column, _ = self._column(mapping)
         if column.dtype != pl.String or not (wrong := _as_float(column).is_null()).any():
             return np.zeros(len(column), dtype=bool)
-        empty = column.str.to_lowercase().is_in([*MISSING, TOO_LONG]).fill_null(True)
+        empty = column.str.to_lowercase().is_in([*MISSING, OTHER_WIDTH]).fill_null(True)
         return (wrong & ~empty).to_numpy()
 
     def blank(self) -> Booleans:

@@ -28,6 +28,7 @@ UNITS = {"dps": "dps", "g": "g", "c": CELSIUS, "deg": "degrees"}
 """The unit at the end of a column's name."""
 NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
 """Characters of a table's rows. The values nan and inf are read, and then rejected with their row."""
+UNEVEN = "correct the row, delete it, or import the recording again"
 SMALL_BYTES = 2**18
 """A shorter table is parsed faster here than by the reader for large ones, which distributes it over threads."""
 LARGEST_DPS = 1e6
@@ -203,7 +204,7 @@ def _find_bad_row(path: Path, label: str, width: int) -> None:
                 raise InputError(f"{label}: row {number}: empty row")
             cells = line.rstrip("\r\n").split(",")
             if len(cells) != width:
-                raise InputError(f"{label}: row {number}: {len(cells)} cells, the header has {width}")
+                raise InputError(f"{label}: row {number}: {len(cells)} cells, the header has {width}; {UNEVEN}")
             for cell in cells:
                 if not _is_number(cell):
                     raise InputError(f"{label}: row {number}: {cell.strip()!r} is not a number")

@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, check, compare, diagnose, simulate
-from gyrocal.api import add as add_effect
 from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, calibrate, pairs
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
+from gyrocal.diagnosis.add import attempt, proven_on
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects.base import title_of
+from gyrocal.extras import lacking
 from gyrocal.inference import heldout
+from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
-from gyrocal.present import report
+from gyrocal.present import probability, report
+from gyrocal.present.limits import limits
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
@@ -34,6 +37,7 @@ from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.told import Change
 from gyrocal.web.views import (
+    Attempt,
     CalibrationView,
     Card,
     DiagnosisView,
@@ -101,12 +105,15 @@ class Bench:
         self._last = (session, found.comparison)
         return _diagnosis_view(found)
 
-    def add(self, recording: Recording, model: str, effect: str, progress: Progress) -> tuple[dict[str, Any], ModelView]:
-        """Add an effect. Returns the comparison before it, over the richer model's floor, and the model with it."""
-        before, after, _ = add_effect(self.opened.session(recording), self._model(model), effect, progress=progress)
+    def add(self, recording: Recording, model: str, effect: str, title: str, progress: Progress) -> Attempt:
+        """Add an effect, which is called ``title`` where it is refused."""
+        (before, after, _), judged = attempt(self.opened.session(recording), self._model(model), effect, progress=progress)
+        proven = proven_on(judged)
+        excluded = [f"on {a}, {told}" for a, c in judged.items() if a not in proven and (told := limits(c))]
         if before.note:
-            raise InputError(before.note)
-        return before.to_json(), self._view(recording, after, progress)
+            reason = before.note.partition(" was not added: ")[2]
+            return Attempt(before.to_json(), None, f"{title} was not added: {reason}.", excluded)
+        return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded)
 
     def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""
@@ -153,8 +160,10 @@ class Bench:
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
         return CalibrationView(_estimates(answers), errors, budget=of_answers(answers))
 
-    def verify(self, network: Path | None, progress: Progress) -> dict[str, Any]:
-        """Verify the C network of an export's folder, or the shipped one, against onnxruntime."""
+    def verify(self, network: Path | None, progress: Progress) -> dict[str, Any] | None:
+        """Verify the C network of an export's folder, or the shipped one; None if onnxruntime is not installed."""
+        if lacking("net"):
+            return None
         progress("comparing the C network with onnxruntime")
         return verify() if network is None else verify(network / "model.int8.onnx", network / "weights.h")
 
@@ -202,11 +211,12 @@ class Bench:
         compared = found.to_json()
         levels = None
         if found.angles is None:
-            levels = Levels(found.squares, found.floors, found.cycles, len(compared["parameters"]))
+            squares = {axis: s for axis, s in found.squares.items() if axis not in absent(found.warnings)}
+            levels = Levels(squares, found.floors, found.cycles, len(compared["parameters"]))
         model = found.fit.model
         return ModelView(
             model.toml(), compared, report.headline(found), report.level_rows(found),
-            report.level_unit_name(found), _effects(model), _holdable(model), traces, against, levels,
+            report.level_unit_name(found), _effects(model), _holdable(model), _sizes(model), traces, against, levels,
             residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip
@@ -229,6 +239,14 @@ def _holdable(model: Model) -> list[Holdable]:
     ]  # fmt: skip
 
 
+def _sizes(model: Model) -> dict[str, dict[str, str]]:
+    """The fitted size of each effect in words, by its id and the axis."""
+    out: dict[str, dict[str, str]] = {}
+    for t in model.terms:
+        out.setdefault(t.effect_id, {})[t.axis] = report.sized(t.effect, t.values, t.se)
+    return out
+
+
 def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     fit = found.comparison.fit
     means: dict[tuple[int, int], Array] = {}
@@ -243,11 +261,19 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
             [title_of(i) for i in c.group if i != c.effect.id], _size(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
-            not c.effect.fast and faster(found.comparison, c.axis),
+            not c.effect.fast and faster(found.comparison, c.axis), limits(c) if c.decision == "reject" else "",
         )
         for c in found.candidates
     ]  # fmt: skip
-    return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: title_of(i).lower()), cards, found.unknown)
+    alternatives = [a.to_json() for a in found.alternatives]
+    return DiagnosisView(
+        found.verdict, report.verdict_text(found, _title), cards, found.unknown, probability.set_rows(alternatives, _title),
+        probability.left_over(alternatives),
+    )  # fmt: skip
+
+
+def _title(effect_id: str) -> str:
+    return title_of(effect_id).lower()
 
 
 def _size(c: Candidate) -> str:

@@ -72,6 +72,7 @@ def missing(folder: Path) -> tuple[str, list[list[str]]]:
     """The verdict of a diagnosis as a sentence, and effect, axis and decision of what is added or suggested."""
     from gyrocal.gravity.diagnose import diagnose
     from gyrocal.present.report import sizes
+    from gyrocal.present.verdict import nothing_found
     from gyrocal.recording.session import Session
 
     found = diagnose(Session.open(folder), None, ())
@@ -79,7 +80,7 @@ def missing(folder: Path) -> tuple[str, list[list[str]]]:
     best = found.best
     told = {
         "ambiguous": f"One of {'' if best is None else ', '.join(best.group)}: the session cannot tell which.",
-        "adequate": "Nothing is missing: what is left over is noise.",
+        "adequate": nothing_found(found.candidates, found.comparison.to_json()),
     }  # fmt: skip
     if found.verdict == "add" and best is not None:
         axes = ", ".join(sorted(c.axis for c in passed if c.decision == "add" and c.effect.id == best.effect.id))

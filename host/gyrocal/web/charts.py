@@ -129,6 +129,26 @@ def words(lines: Sequence[str]) -> str:
     return json.dumps(", ".join(lines), ensure_ascii=False)
 
 
+GAP = 2.5
+"""Widths of a bin by which two means must be apart for the line between them to be left out."""
+
+
+def strokes(pairs: Sequence[Sequence[float]], width: float, *, alone: bool) -> list[Any]:
+    """A line through the means of bins of a ``width``, without strokes over stretches that hold no values.
+
+    With ``alone``, a mean without neighbours, which no line reaches, is a stroke of its bin's width.
+    """
+    out: list[Any] = []
+    for k, pair in enumerate(pairs):
+        first = k == 0 or pair[0] - pairs[k - 1][0] > GAP * width
+        last = k == len(pairs) - 1 or pairs[k + 1][0] - pair[0] > GAP * width
+        if first and k:
+            out.append([(pair[0] + pairs[k - 1][0]) / 2, None])
+        single = alone and first and last
+        out += [[pair[0] + end * width / 2, *pair[1:]] for end in (-1, 1)] if single else [list(pair)]
+    return out
+
+
 def grid(**place: Any) -> Options:
     """The fixed place of a plot in the chart."""
     return {"outerBoundsMode": "none", "left": 62, "right": 18, **place}
@@ -267,6 +287,7 @@ def hero(
     ]
     names = [LEFT, AFTER if added else EFFECT, WITHIN_SE]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
+    through = through if shown.few else strokes(through, 2 * half, alone=True)
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     dashes = DASH if shown.few else {}
     single = [[round(x, 6), round(y, 6)] for x, y in each]

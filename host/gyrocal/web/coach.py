@@ -152,7 +152,8 @@ class Coach:
         self._state.set_visibility(not live.ended)
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
-        self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else UNKNOWN, f"of {NEEDED_S:g} s")
+        of = aim(run_s, NEEDED_S, "s")
+        self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else UNKNOWN, of)
         self._section.classes(remove=" ".join(STAGES)).classes(now.stage)
         self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         self._turns.text = self._measured(sensor) if measuring else ""
@@ -221,6 +222,11 @@ def _figure(name: str, shown: tuple[str, str]) -> None:
     with ui.element("div").classes("figure"):
         ui.html(f"<b>{value}{'' if error == UNKNOWN else f' ± {error}'}</b>", sanitize=False)
         ui.label(name)
+
+
+def aim(now: float, needed: float, unit: str) -> str:
+    """The words of a ring below its figure; what is beyond its aim is not a part of it."""
+    return f"of {needed:g} {unit}" if now <= needed else f"{needed:g} {unit} needed"
 
 
 def ring(part: float, middle: str, of: str) -> str:

@@ -41,7 +41,7 @@ class Levels:
 
     def over(self, richest: Levels) -> Level:
         """The level of all axes together over the floor of another model."""
-        return pooled(self.squares.values(), (richest.floors[axis] for axis in self.squares))
+        return pooled(self.squares, richest.floors)
 
 
 def realised(before: Levels | None, after: Levels | None, axis: str) -> float | None:

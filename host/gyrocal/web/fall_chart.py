@@ -81,7 +81,7 @@ def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
         animationDuration=700, animationEasing="cubicOut", **charts.MOTION,
         grid=charts.grid(left=54, right=16, top=18),
         xAxis=charts.axis(p, kind="category", axisTick={"show": False}, label=plain),
-        yAxis=charts.axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
+        yAxis=charts.axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"], splitNumber=3),
         media=charts.fitting(wide, narrow), tooltip=charts.tooltip(p, [unit.name]), toolbox=charts.BOX, units=[unit.name],
         series=[
             {"type": "bar", "stack": "s", "part": True, "silent": True, "data": [[k, b.low] for k, b in enumerate(drawn)],

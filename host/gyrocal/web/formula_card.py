@@ -19,7 +19,9 @@ def formula_card(bench: Workbench, found: DiagnosisView) -> list[ui.button]:
     async def attempt() -> None:
         text = (written.value or "").strip()
         if text:
-            await bench.add(text, text.partition(":")[0].strip() if ":" in text else "formula", text)
+            reason = await bench.add(text, text.partition(":")[0].strip() if ":" in text else "formula", text)
+            if not refused.is_deleted:  # the model has changed
+                refused.text = reason
 
     with ui.element("article").classes("card add"):
         with ui.element("div").classes("head"):
@@ -39,6 +41,7 @@ def formula_card(bench: Workbench, found: DiagnosisView) -> list[ui.button]:
         with ui.row().classes("tight").style("width: 100%; flex-wrap: nowrap"):
             written = ui.input(placeholder="mine: k*rate**2").props('outlined dense aria-label="formula"').classes("grow")
             own = ui.button("Try and add", on_click=attempt, color=None).props("outline no-caps")
+        refused = ui.label().classes("worry small").props('role="status"')
         names = "; ".join(f"{name}: {symbol.meaning}" for name, symbol in symbols().items())
         ui.label(f"Names: {names}. The result is in dps. Any other name is a parameter to be fitted.").classes("small dim")
     return [keep, own]

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from gyrocal.policy import POLICY
 from gyrocal.units import percentage
-from gyrocal.web.coach import Advice, ring
+from gyrocal.web.coach import Advice, aim, ring
 
 if TYPE_CHECKING:
     from gyrocal.web.live import Live
@@ -81,7 +81,7 @@ class Guide:
         self._tell.text = advised.tell
         self._why.text = advised.why + " The simulated sensor is turned by itself, in poses of its own." * by_itself
         self._section.classes(replace=f"face coach {advised.stage}")
-        self._ring.content = ring(rests / POLICY.aim_rests, str(rests), f"of {POLICY.aim_rests} rests")
+        self._ring.content = ring(rests / POLICY.aim_rests, str(rests), aim(rests, POLICY.aim_rests, "rests"))
         at_rest = bool(now and now["at_rest"])
         self._state.text = "at rest" if at_rest else "moving"
         self._state.classes(replace=f"badge {'good' if at_rest else ''}")

@@ -39,11 +39,11 @@ def picture(
 ) -> Picture | None:
     """The picture of an effect on an axis.
 
-    ``signal`` [blocks] is the fitted effect in block means, deg/s, and ``points`` the residual's block means with every
-    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given; those
-    of the ``equation`` come first. None if no variable has values.
+    ``signal`` [blocks] is the fitted effect in block means, deg/s, NaN where it is not known, and ``points`` the residual's
+    block means with every variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be
+    tried, if given; those of the ``equation`` come first. None if no variable has values.
     """
-    there = np.isfinite(points[axis])
+    there = np.isfinite(points[axis]) & np.isfinite(signal)
     own = [panel for panel in panels() if panel.in_equation(equation)]
     best = _best(axis, signal, points, there, against, own)
     if best is None or best[1] < A_FUNCTION:
@@ -53,11 +53,12 @@ def picture(
     panel, part = best
     run = None
     if part < A_FUNCTION:
-        of_run, count = points["run"][there], np.bincount(points["run"][there])
-        mean = np.bincount(of_run, signal[there]) / np.maximum(count, 1)
-        power = np.bincount(of_run, (signal[there] - mean[of_run]) ** 2)
+        known = there & np.isfinite(signal)
+        of_run, count, s = points["run"][known], np.bincount(points["run"][known]), signal[known]
+        mean = np.bincount(of_run, s) / np.maximum(count, 1)
+        power = np.bincount(of_run, (s - mean[of_run]) ** 2)
         run = int(np.argmax(power))
-        if power[run] < WITHIN * float(np.sum((signal[there] - signal[there].mean()) ** 2)) / np.count_nonzero(count):
+        if power[run] < WITHIN * float(np.sum((s - s.mean()) ** 2)) / np.count_nonzero(count):
             return None  # it differs between recordings and not within them, and no variable tells how
         mine = there & (points["run"] == run)
         panel, _ = _best(axis, signal, points, mine, against) or best
@@ -152,7 +153,7 @@ def _moved(difference: Array, *rate_dps: Array) -> Array:
 
 def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | None, file: str) -> Picture:
     x, y = points[panel.key(axis)], points[axis]
-    use = np.isfinite(x) & np.isfinite(y) & _of_run(points, run)
+    use = np.isfinite(x) & np.isfinite(y) & np.isfinite(signal) & _of_run(points, run)  # a run may lack the effect's data
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
     of_run = points["run"][use]
     if run is not None:  # the offset of a run is not the effect's

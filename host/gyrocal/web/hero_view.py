@@ -8,7 +8,7 @@ from nicegui import ui
 
 from gyrocal.web import charts
 from gyrocal.web.hero import left_now, of_each_run
-from gyrocal.web.models import latest
+from gyrocal.web.models import Step, latest
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, Picture
 
@@ -45,7 +45,7 @@ class HeroView:
             with self.image:
                 self.chart = ui.echart(charts.base(tab.palette, series=[])).classes("chart")
             with bar:
-                copy = ui.button("Copy as image", icon="content_copy", color=None).props("flat dense no-caps size=sm")
+                copy = ui.button("Copy as image", icon="content_copy", color=None).props("flat dense no-caps")
                 copy.on("click", js_handler=COPY % self.chart.id)
                 tools(self.chart, lambda: named(self.bench, "effect"))
         ui.on("picture_copied", lambda e: self._copied(bool(e.args)))
@@ -61,23 +61,34 @@ class HeroView:
         A first card without a picture, as a tone has none, leaves the place empty: another effect's would stand for it.
         """
         diagnosis, step = self.bench.diagnosis, latest(self.bench.steps)
-        cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
+        cards = [] if diagnosis is None else diagnosis.named
         card = self._chosen if self._chosen in cards else next(iter(cards), None)
         card = card if card is not None and card.picture is not None else None
-        added = step is not None and step.picture is not None and not cards
-        self.frame.set_visibility(card is not None or added)
-        if added:
-            assert step is not None
-            assert step.picture is not None
+        shown = None if step is None or cards else self._still_there(step)
+        self.frame.set_visibility(card is not None or shown is not None)
+        if step is not None and shown is not None:
             assert self.bench.traces is not None
-            flat = [0.0] * len(step.picture.centres)
-            words = self._words(step.title, step.picture, _equation(self.bench.diagnosed, step.effect), added=True)
-            self._show(step.picture, left_now(step.picture, self.bench.traces.points), flat, words, added=True)
+            flat = [0.0] * len(shown.centres)
+            words = self._words(step.title, shown, step.recipe.cards[0].equation, added=True)
+            self._show(shown, left_now(shown, self.bench.traces.points), flat, words, added=True)
         elif card is not None:
             assert card.picture is not None
             hint = " (a hint, not enough to be sure)" if card.judged["decision"] == "suggest" else ""
             words = self._words(f"{card.title}{hint}", card.picture, card.equation, added=False)
             self._show(card.picture, card.picture.left, card.picture.curve, words)
+
+    def _still_there(self, step: Step) -> Picture | None:
+        """The picture of an effect that was added, unless the recordings do not hold what it shows any more."""
+        chosen = None if self._chosen is None else self._chosen.picture
+        shown = chosen if chosen in [card.picture for card in step.recipe.cards] else step.recipe.picture
+        session, files = self.bench.session, []
+        if session is not None:
+            files = [run.file for run in session.runs if run.file not in self.bench.excluded]
+        if shown is None or shown.view not in self.bench.steps[-1].view.against:
+            return None
+        if shown.run is None or (shown.file in files and session is not None and session.runs[shown.run].file == shown.file):
+            return shown
+        return None
 
     def _words(self, title: str, shown: Picture, equation: str, *, added: bool) -> list[str]:
         """What stands above the picture, and goes with it where it is copied to."""
@@ -108,8 +119,3 @@ class HeroView:
     def _copied(self, done: bool) -> None:
         with self.frame:
             ui.notify("The picture is in the clipboard." if done else "The browser gives no access to the clipboard; save it.")
-
-
-def _equation(diagnosed: Any, effect: str) -> str:
-    cards = [] if diagnosed is None else diagnosed.cards
-    return next((c.equation for c in cards if c.judged["effect"] == effect), "")

@@ -24,7 +24,7 @@ DEG_PER_RAD = 180 / np.pi
 MOST_RATES = 3
 """Rates that are listed before "and so on"."""
 
-Kind = Literal["face", "sign", "units", "accept", "leave_out"]
+Kind = Literal["face", "sign", "units", "drop_first", "accept", "leave_out"]
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,10 @@ def mends(warning: dict[str, Any], runs: Sequence[RunView], last_run: str | None
     if code == "unit_rad_s":
         told = "A new session is written beside this one, in which what is in rad/s is in dps. It is then opened."
         offer("units", "Convert to dps", told)
+    if code == "first_sample":
+        runs_off = which if file else "each run that begins so"
+        told = f"A new session is written beside this one, without the first samples of {runs_off}. It is then opened."
+        offer("drop_first", f"Drop the first samples of {runs_off}", told)
     if file is not None and file != last_run:
         told = f"{file} is left out of the fits. The session's files stay as they are; the choice is kept in workbench.json."
         offer("leave_out", f"Leave {file} out", told)
@@ -114,6 +118,8 @@ def apply(folder: Path, mend: Mend, out: Callable[[], Path]) -> Path:
     """
     if mend.kind == "units":
         return _in_degrees(folder, mend, out())
+    if mend.kind == "drop_first":
+        return _without_first(folder, mend, out())
     read_header(folder)
     path = folder / "session.toml"
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -150,6 +156,18 @@ def _in_degrees(folder: Path, mend: Mend, out: Path) -> Path:
             converted.save(out)
             return out
     raise InputError(f"{folder}: neither readings nor reference agree in dps throughout; give the units when importing")
+
+
+def _without_first(folder: Path, mend: Mend, out: Path) -> Path:
+    """Write the session without the first samples that stand off what follows."""
+    from gyrocal.plausibility.readings import clip_levels_dps, first_off
+    from gyrocal.recording.register import registered
+
+    session = Session.open(folder)
+    known = registered(session)
+    off = {file: n for file, n in first_off(known, clip_levels_dps(known)).items() if mend.file in (None, file)}
+    session.with_runs([run.part(off[run.file], len(run)) if run.file in off else run for run in session.runs]).save(out)
+    return out
 
 
 def _readings(run: Run) -> Run:

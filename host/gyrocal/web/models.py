@@ -6,11 +6,12 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from gyrocal.errors import GyrocalError
 from gyrocal.files import UNREADABLE, replace_text
-from gyrocal.web.views import ModelView, Picture
+from gyrocal.web.views import Card, ModelView, Picture
 
 FILE = "workbench.json"
 FORMAT = "gyrocal-workbench/1"
@@ -35,6 +36,18 @@ class Recipe:
     """Why the effect was not proven when it was added, as phrases; empty if it was."""
     held: str = ""
     """The parameter that was held at a value or freed, in words; empty for any other change."""
+    cards: tuple[Card, ...] = ()
+    """What the diagnosis of the model before it said of the effect, best first; empty if it did not name it."""
+    limits: tuple[str, ...] = ()
+    """The sizes that the session excludes on the axes where the effect, which was tried by hand, was not found, in words."""
+
+    @property
+    def picture(self) -> Picture | None:
+        """The picture of the effect as it was before it was added."""
+        return next((card.picture for card in self.cards if card.picture is not None), None)
+
+
+KEPT = TypeAdapter(Recipe)
 
 
 def added(recipes: Iterable[Recipe]) -> list[str]:
@@ -55,8 +68,6 @@ class Step:
 
     recipe: Recipe
     view: ModelView
-    picture: Picture | None = None
-    """The picture of the effect as it was before it was added."""
 
     @property
     def source(self) -> str:
@@ -84,6 +95,11 @@ class Step:
     def axes(self) -> set[str]:
         """The axes on which the effect was added."""
         return {p["axis"] for p in self.view.compared["parameters"] if p["effect"] == self.id}
+
+    @property
+    def sizes(self) -> dict[str, str]:
+        """The fitted size of its effect in words, by axis."""
+        return self.view.sizes.get(self.id, {})
 
     @property
     def removed(self) -> bool:
@@ -124,18 +140,11 @@ def read_models(session: Path) -> Models:
     """The models kept with a session; the first one alone if there are none or the file cannot be read."""
     try:
         raw = json.loads((session / FILE).read_text(encoding="utf-8"))
-        of = {str(name): tuple(map(_recipe, recipes)) for name, recipes in raw["models"].items() if recipes}
+        of = {str(name): tuple(map(KEPT.validate_python, recipes)) for name, recipes in raw["models"].items() if recipes}
         found = Models(of, str(raw["current"]), frozenset(map(str, raw["excluded"])))
-    except (*UNREADABLE, KeyError, TypeError, AttributeError):
+    except (*UNREADABLE, KeyError, TypeError, AttributeError, ValidationError):
         return Models()
     return found if raw.get("format") == FORMAT and found.current in found.of else Models()
-
-
-def _recipe(raw: dict[str, Any]) -> Recipe:
-    return Recipe(
-        str(raw["source"]), str(raw["effect"]), str(raw["title"]), bool(raw["removed"]), str(raw["formula"]),
-        tuple(map(str, raw["doubts"])), str(raw.get("held", "")),
-    )  # fmt: skip
 
 
 def write_models(session: Path, models: Models) -> str:

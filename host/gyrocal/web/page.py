@@ -35,6 +35,17 @@ LEAVING = """<script>addEventListener("keyup", event => {
 SCHEME = """matchMedia("(prefers-color-scheme: dark)").addEventListener(
     "change", () => setTimeout(() => emitEvent("scheme"), 50))"""
 """The system has changed between light and dark; the class of the body follows at once."""
+DARK = "gyrocal-dark"
+"""The cookie that keeps the choice of light (0) or dark (1) in this browser; without it the page follows the system."""
+KEEP_DARK = """document.cookie = `gyrocal-dark=%d; path=/; samesite=strict; max-age=${
+    matchMedia("(prefers-color-scheme: dark)").matches === Boolean(%d) ? 0 : 31536000}`"""
+"""Keep the choice, unless it is that of the system."""
+SKIP = """() => {
+    const to = document.querySelector(".content .plots") ?? document.querySelector(".content");
+    to.tabIndex = -1;
+    to.focus();
+}"""
+"""The plot of a panel, or else the panel, gets the focus."""
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 _hunts: list[Hunt] = []
@@ -65,7 +76,9 @@ class Tab:
         self.mine = session
         """The session that this tab was opened for, by its name; another tab may have opened another one since."""
         self._client = ui.context.client.id
-        self.dark = False
+        kept = ui.context.client.request.cookies.get(DARK)
+        self.dark = kept == "1"
+        self._chosen_dark = None if kept is None else self.dark
         self.hunt = _hunts[0]
         self._gravity = self.bench.gravity
         self._update: Callable[[Topic], None] = lambda _: None
@@ -80,8 +93,9 @@ class Tab:
 
     def build(self) -> None:
         ui.add_head_html(UNDRAWN % _chart_module() + LEAVING)
-        self._mode = ui.dark_mode(None)
+        self._mode = ui.dark_mode(self._chosen_dark)
         with ui.header().classes("top"):
+            self._skip = ui.button(color=None).props("flat no-caps dense").classes("skip").on("click", js_handler=SKIP)
             with ui.link(target="/").classes("brand").props('aria-label="gyrocal workbench, start"'):
                 ui.html(f'<svg viewBox="0 0 32 32" width="22" height="22" aria-hidden="true">{MARK}</svg>', sanitize=False)
                 ui.label("gyrocal")
@@ -121,6 +135,7 @@ class Tab:
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
             button.props('aria-current="page"' if name == view else 'aria-current="false"')
+        self._skip.text = "Skip to the plot" if view == "compare" else "Skip to the content"
         self._content.clear()
         with self._content:
             if view in TITLES:
@@ -208,6 +223,7 @@ class Tab:
 
     def _toggle_dark(self) -> None:
         self._mode.value = not self.dark
+        ui.run_javascript(KEEP_DARK % (not self.dark, not self.dark))
         self._set_dark(not self.dark)
 
     def _set_dark(self, dark: bool) -> None:

@@ -31,8 +31,6 @@ FEW = 12
 """Curves with fewer points than this show each point."""
 SINGLE = 300
 """Traces with fewer samples than this on the screen show each sample."""
-GAP = 2.5
-"""Widths of a bin by which two means must be apart for the line between them to be left out."""
 LEAST_RATE_DPS = 5.0
 """A residual is a part of a rate that is faster than this."""
 MOST_BOUNDS = 60
@@ -105,8 +103,11 @@ class Timeline:
             grid=grids,
             legend=charts.legend(p, self._entries(kinds)),
             media=charts.fitting(
-                {"legend": {**LEGEND, "top": 4}, "grid": [{"top": 30, **wide}]},
-                {"legend": {**LEGEND_ALONE, "top": 8 + LINE_PX}, "grid": [{"top": 30 + LINE_PX, **narrow}]},
+                {"legend": {**LEGEND, "top": 4}, "grid": [{"top": 30, **wide}], "yAxis": _ticks(5, len(grids))},
+                {
+                    "legend": {**LEGEND_ALONE, "top": 8 + LINE_PX}, "grid": [{"top": 30 + LINE_PX, **narrow}],
+                    "yAxis": _ticks(3, len(grids)),
+                },
             ),
             title=titles, tooltip=charts.tooltip(p, [above, below], "s"), axisPointer={"link": [{"xAxisIndex": "all"}]},
             toolbox=charts.BOX_OF_TIME, units=[above, below],
@@ -245,11 +246,13 @@ def folded(
         ends = _ends(points[panel.key(axis)][mine])
         for i in shown:
             there = np.isfinite(one.of_runs[i]) if i < len(one.of_runs) else np.zeros(x.size, dtype=bool)
-            few = {"showSymbol": int(there.sum()) < FEW, "symbolSize": 7, "lineStyle": {"opacity": 0.35}}
-            pairs = _broken(ends, x[there], one.of_runs[i][there] * unit.per_dps) if there.any() else []
+            dotted = int(there.sum()) < FEW
+            few = {"showSymbol": dotted, "symbolSize": 7, "lineStyle": {"opacity": 0.35}}
+            pairs = _broken(ends, x[there], one.of_runs[i][there] * unit.per_dps, dotted=dotted) if there.any() else []
             series.append(charts.line(each, pairs, p.axes[axis], on=k, style={"opacity": 0.35}, **few))
         few = {"showSymbol": x.size < FEW, "symbolSize": 6}
-        series.append(charts.line("mean of all", _broken(ends, x, mean, se), p.ink, on=k, style={"width": 2.2}, **few))
+        pairs = _broken(ends, x, mean, se, dotted=x.size < FEW)
+        series.append(charts.line("mean of all", pairs, p.ink, on=k, style={"width": 2.2}, **few))
         series.append(charts.band(WITHIN, _rows(one.low, one.high, mean - 2 * se, mean + 2 * se), p.ink, 0.18, on=k))
     entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
     entries += [charts.entry(each, "line", 0.35)] if shown else []
@@ -299,6 +302,7 @@ def _stacked(count: int, top: float) -> Options:
     return {
         "grid": [{"top": f"{top + k * step:.2f}%", "height": f"{step - 8:.2f}%"} for k in range(count)],
         "title": [{"top": f"{top + k * step - 4.5:.2f}%"} for k in range(count)],
+        "yAxis": _ticks(5 if count == 1 else 3, count),
     }
 
 
@@ -308,20 +312,12 @@ def _ends(x: Any) -> tuple[float, float]:
     return (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
 
 
-
-def _broken(ends: tuple[float, float], *columns: Any) -> list[Any]:
+def _broken(ends: tuple[float, float], *columns: Any, dotted: bool) -> list[Any]:
     """A line through the means of bins between two ends, without strokes over stretches that hold no values.
 
-    ``columns`` are the bins' centres, the means and, if they are known, their errors.
+    ``columns`` are the bins' centres, the means and, if they are known, their errors. Means that are ``dotted`` need no stroke.
     """
-    pairs = _pairs(*columns)
-    apart = GAP * ((ends[1] - ends[0]) / BINS or 1.0)
-    out: list[Any] = []
-    for k, pair in enumerate(pairs):
-        if k and pair[0] - pairs[k - 1][0] > apart:
-            out.append([(pair[0] + pairs[k - 1][0]) / 2, None])
-        out.append(pair)
-    return out
+    return charts.strokes(_pairs(*columns), (ends[1] - ends[0]) / BINS or 1.0, alone=not dotted)
 
 
 def curves(
@@ -382,6 +378,11 @@ def _spread(curve: Curve, rows: list[list[float]]) -> list[list[float]]:
 
 def _mark(p: Palette, x: float, words: str) -> Options:
     return {"xAxis": x, "label": {"formatter": words, "color": p.bad, "position": "insideEndTop"}}
+
+
+def _ticks(about: int, plots: int) -> list[Options]:
+    """About so many intervals on the vertical axis of each plot, so that their numbers stand apart."""
+    return [{"splitNumber": about}] * plots
 
 
 def _zoom(grids: int) -> list[Options]:

@@ -83,7 +83,7 @@ class Readings:
         return value, scatter
 
     def _controls(self) -> None:
-        self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps size=sm")
+        self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps")
         self._window = ui.select(WINDOWS_S, value=SHOWN_S, label="window", on_change=self._again).props("outlined dense")
         self._window.style("width: 110px")
         self._statistics = ui.checkbox("mean and scatter of the window", on_change=self._again).props("dense")

@@ -12,7 +12,7 @@ from gyrocal.api import Comparison, Session
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
-from gyrocal.present import pictures
+from gyrocal.present import pictures, probability
 from gyrocal.present.page import render
 from gyrocal.present.report import PARAMETERS, WHERE, headline, judged_by, judged_rows, level_columns, parameter, where_rows
 from gyrocal.present.verdict import stands_on
@@ -47,13 +47,15 @@ def page(
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
     bars = [] if fall is None else blocks(charts.LIGHT, fall.bars, fall.unit)
-    open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
+    open_cards = [] if diagnosis is None else diagnosis.named
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
         facts=_facts(session, left_out), held_out=found.held_out, levels=judged_rows(found), level_columns=level_columns(found),
         where=where_rows(found), where_columns=WHERE, pictures=drawn, bars=bars,
         top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall, story=story, missing=open_cards,
         missing_said="" if diagnosis is None else diagnosis.sentence,
+        left_over="" if diagnosis is None else diagnosis.left_over, sets=[] if diagnosis is None else diagnosis.sets,
+        set_columns=probability.SETS,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]), parameter_columns=PARAMETERS,
         correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
         toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story, left_out),

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import gc
 import secrets
+import signal
 import socket
 import threading
 import webbrowser
@@ -17,6 +18,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from gyrocal.errors import GyrocalError, InputError
+from gyrocal.extras import want
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 DEFAULT_PORT = 8750
@@ -129,8 +131,16 @@ def listening(host: str, wanted: int | None) -> socket.socket:
     raise InputError(f"{where}: cannot be used ({problem}); choose another")
 
 
+def _end_with_the_terminal() -> None:
+    """Let SIGHUP end the server as SIGTERM does, so that its traces are removed, unless it is ignored (``nohup``)."""
+    hangup = getattr(signal, "SIGHUP", None)
+    if hangup is not None and signal.getsignal(hangup) == signal.SIG_DFL:
+        signal.signal(hangup, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
 def serve(session: Path | None, device: str | None, host: str, http_port: int | None, *, browser: bool) -> None:
-    """Serve the page until Ctrl-C."""
+    """Serve the page until Ctrl-C. Raises InputError if a package that it needs is not installed."""
+    want("the workbench", "page")
     taken = listening(host, http_port)
     number = int(taken.getsockname()[1])
     token = None if host in LOCAL else secrets.token_urlsafe(18)
@@ -172,6 +182,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     app.add_middleware(Guard, token=token)
     ui.add_css((files("gyrocal") / "web" / "style.css").read_text(encoding="utf-8"), shared=True)
     page.register()
+    _end_with_the_terminal()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             host=host, port=number, fd=taken.fileno(), title="gyrocal workbench", favicon=ICON, dark=None, language="en-US",

@@ -14,7 +14,7 @@ COLUMNS = ("model:", "adds:", "rms", "floor", "excess", "± ", "within cycles", 
 
 
 def side_by_side(bench: Workbench) -> None:
-    """The name of the model that is shown, the others to switch to, and a table of all."""
+    """The name of the model that is shown, the others to switch to, undo and redo, and a table of all."""
     views = bench.named_views()
     with ui.row().classes("tight").style("margin-top: 2px"):
         ui.label("Models").classes("dim small")
@@ -24,11 +24,16 @@ def side_by_side(bench: Workbench) -> None:
             button.classes(f"chip {'on' if current else ''}").props(f'aria-pressed="{str(current).lower()}"')
             if not current:
                 drop = ui.button(icon="close", on_click=partial(bench.forget, name), color=None)
-                drop.props(f'flat round dense size="8px" aria-label="forget the model {name}"')
+                drop.props(f'flat round dense size="sm" aria-label="forget the model {name}"')
         called = ui.input(placeholder="name").props('outlined dense aria-label="name of a new branch"')
         called.style("width: 90px").classes("low")
         branch = ui.button("Branch", icon="call_split", on_click=lambda: bench.branch(called.value or ""), color=None)
         branch.props("flat dense no-caps")
+        ui.space()
+        undo = ui.button("Undo", icon="undo", on_click=bench.undo, color=None).props("flat dense no-caps")
+        undo.set_enabled(len(bench.steps) > 1)
+        redo = ui.button("Redo", icon="redo", on_click=bench.redo, color=None).props("flat dense no-caps")
+        redo.set_enabled(bool(bench.undone))
     if len(views) < 2:
         return
     rows = []

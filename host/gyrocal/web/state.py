@@ -15,16 +15,18 @@ from gyrocal.errors import GyrocalError
 from gyrocal.web.jobs import Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
+from gyrocal.web.on_page import on_page
 from gyrocal.web.places import Places
 from gyrocal.web.told import story
 from gyrocal.web.training import Training
-from gyrocal.web.views import CalibrationView, Card, DiagnosisView, ExportView, ModelView, Recording, SessionView, TrainedView
+from gyrocal.web.views import CalibrationView, DiagnosisView, ExportView, ModelView, Recording, SessionView, TrainedView
 
 if TYPE_CHECKING:
     from gyrocal.web.by_gravity import GravityView
     from gyrocal.web.fall import Fall
     from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
+    from gyrocal.web.views import Attempt
 
 Topic = Literal[
     "session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message", "scheme"
@@ -53,8 +55,6 @@ class Workbench:
         self.undone: list[Step] = []
         self._views: dict[str, ModelView] = {}
         """Every model that was compared with the current choice of runs."""
-        self.diagnosed: DiagnosisView | None = None
-        """The last diagnosis, for the report. :attr:`diagnosis` is that of the current model."""
         self._diagnoses: dict[str, DiagnosisView] = {}
         self._calibrations: dict[tuple[str, str], CalibrationView] = {}
         self.training: Training | None = None
@@ -164,25 +164,24 @@ class Workbench:
             if self.session is not None and self.step is not None:
                 source = self.step.source
                 found = await self.jobs.run("Looking for what is missing", "diagnose", self.recording, source)
-                self._diagnoses[source] = self.diagnosed = found
+                self._diagnoses[source] = found
                 self.changed("diagnosis")
 
-    async def add(self, effect: str, title: str, formula: str = "") -> None:
-        """Add an effect (its id, or a formula) to the model. Undo removes it again."""
+    async def add(self, effect: str, title: str, formula: str = "") -> str:
+        """Add an effect (its id, or a formula) to the model. Undo removes it again. Returns why it was refused, if it was."""
         with self._telling():
             if self.session is None or self.step is None:
-                return
-            cards = self._cards(effect)
-            before, view = await self.jobs.run(f"Adding {title.lower()}", "add", self.recording, self.step.source, effect)
-            self.before = before
+                return ""
+            cards = () if self.diagnosis is None else self.diagnosis.of(effect)
+            asked = (self.recording, self.step.source, effect, title)
+            found: Attempt = await self.jobs.run(f"Adding {title.lower()}", "add", *asked)
+            if found.view is None:
+                return " ".join([found.refused, *(f"What it excludes: {told}." for told in found.limits)])
+            self.before = found.before
             doubts = cards[0].doubts if cards else (BY_HAND,)
-            shown = next((card.picture for card in cards if card.picture is not None), None)
-            await self.take(Step(Recipe(view.toml, effect, title, formula=formula, doubts=tuple(doubts)), view, shown))
-
-    def _cards(self, effect: str) -> list[Card]:
-        """What the diagnosis of the current model says of an effect, best first, where it names or suggests it."""
-        cards = [] if self.diagnosis is None else self.diagnosis.cards
-        return [c for c in cards if c.judged["effect"] == effect and c.judged["decision"] in ("add", "suggest")]
+            kept = (tuple(doubts), "", cards, tuple(found.limits))
+            await self.take(Step(Recipe(found.view.toml, effect, title, False, formula, *kept), found.view))
+        return ""
 
     async def keep(self, name: str) -> None:
         """Find a formula for what is unknown, and add it as an effect of that name."""
@@ -240,7 +239,7 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
-                shown = self.fall(), story(self.steps, self._diagnoses), self.diagnosis, self.calibration
+                shown = self.fall(), story(self.steps), self.diagnosis, self.calibration
                 model = self.step.source, self.step.view.toml
                 return str(await self.jobs.run("Writing the report", "report", self.recording, *model, *shown))
         return None
@@ -269,7 +268,7 @@ class Workbench:
                 self.say("One run at least stays in the fit.")
                 return
             self.excluded = frozenset(excluded)
-            self._views, self._diagnoses, self._calibrations, self.diagnosed = {}, {}, {}, None
+            self._views, self._diagnoses, self._calibrations = {}, {}, {}
             self._remember()
             self.changed("runs")
             await self._show_steps([step.recipe for step in self.steps])
@@ -332,7 +331,7 @@ class Workbench:
 
     def _forget(self) -> None:
         rooms = [] if self.session is None else [*self.scratch.glob("[0-9]*")]  # traces of the last session
-        self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
+        self.session = self.traces = self.gravity = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone, self._views = [], [], {}
         self.excluded, self.models = frozenset(), Models()
@@ -395,5 +394,5 @@ class Workbench:
             yield
         except GyrocalError as error:
             if str(error):  # a job that waited and was cancelled says nothing
-                self.say(str(error))
+                self.say(on_page(str(error)))
         self.changed("job")

@@ -9,16 +9,9 @@ from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.web import charts
+from gyrocal.web.toolbar import toolbar
 from gyrocal.web.views import RunView
 
-MOVE = """event => {
-    const cells = [...event.currentTarget.querySelectorAll(".cell")], at = cells.indexOf(document.activeElement);
-    const to = {ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: cells.length - 1}[event.key];
-    if (at < 0 || to === undefined) return;
-    event.preventDefault();
-    cells[to]?.focus();
-}"""
-"""The arrow keys, Home and End move the focus along the strip."""
 REFOCUS = """if (document.activeElement === document.body) document.querySelectorAll(".cells .cell")[%d]?.focus()"""
 """The strip is drawn anew after a press; the focus goes back to the cell with this number unless it is elsewhere by now."""
 
@@ -42,7 +35,7 @@ def strip(
             press = f"{last_run} is the only one in the fit, and stays. Press another to take it in again."
             press = press if excluded else "It cannot be left out of the fit, because there is no other."
         ui.label(f"{len(runs)} run{plural}, {told}{out}. ▲ face up, ▼ face down. {press}").classes("dim small")
-        with ui.element("div").classes("cells").style(f"--runs: {len(runs)}").on("keydown", js_handler=MOVE):
+        with ui.element("div").classes("cells").style(f"--runs: {len(runs)}") as cells:
             for run in runs:
                 excess = left.get(run.file)
                 cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded, run.file == last_run)
@@ -50,6 +43,7 @@ def strip(
                     cell.on("click", lambda r=run: act(r.file))
                 with cell:
                     ui.label("▲" if run.face == "up" else "▼").props('aria-hidden="true"')
+        toolbar(cells, "runs in the fit")
 
 
 def _cell(run: RunView, excess: float | None, part: int, out: bool, stays: bool) -> ui.element:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from gyrocal.web.models import Step
-from gyrocal.web.views import Card, DiagnosisView
+from gyrocal.web.models import BY_HAND, Step
+from gyrocal.web.views import Card
 
 
 @dataclass(frozen=True)
 class Change:
     """One step of the model. ``cards`` are the evidence at that time, one for each axis that it was added on.
 
-    They are empty if it was removed, or found in an earlier session.
+    They are empty if it was removed, or if no diagnosis named it.
     """
 
     effect: str
@@ -27,6 +27,15 @@ class Change:
     """The parameter that was held at a value or freed, in words."""
     axes: tuple[str, ...] = ()
     """The axes on which it was added."""
+    sizes: tuple[tuple[str, str], ...] = ()
+    """The axes on which it was added, each with its fitted size in words."""
+    limits: tuple[str, ...] = ()
+    """What the session excludes of it, in words."""
+
+    @property
+    def by_hand(self) -> bool:
+        """True if it was added without a diagnosis that named it."""
+        return BY_HAND in self.doubts
 
     def command(self, session: str) -> str:
         """The command line that repeats the step on the file ``model.toml``."""
@@ -47,18 +56,15 @@ def as_added(card: Card, before: Step, after: Step) -> Card:
     return replace(card, judged={**card.judged, "explained": part}, means=False)
 
 
-def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list[Change]:
+def story(steps: Sequence[Step]) -> list[Change]:
     """The changes of a sequence, each with what the diagnosis of the model before it said."""
     changes = []
     for before, step in pairwise(steps):
-        found = diagnoses.get(before.source)
-        cards = [] if found is None or step.removed or step.recipe.held else found.cards
-        named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
-        its = tuple(
-            as_added(c, before, step) for c in named if c.judged["effect"] == step.effect and c.judged["axis"] in step.axes
-        )
+        recipe = step.recipe
+        its = tuple(as_added(c, before, step) for c in recipe.cards if c.judged["axis"] in step.axes)
         on = tuple(sorted(step.axes)) if step.adds else ()
-        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), its, step.recipe.held, on)
+        sizes = tuple(sorted(step.sizes.items())) if step.adds else ()
+        made = (step.effect, step.title, step.removed, step.formula, recipe.doubts, its, recipe.held, on, sizes, recipe.limits)
         changes.append(Change(*made))
     return changes
 

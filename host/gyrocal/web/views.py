@@ -103,6 +103,8 @@ class ModelView:
     effects: list[tuple[str, str, bool]]
     """(id, title, may be removed)."""
     holdable: list[Holdable]
+    sizes: dict[str, dict[str, str]]
+    """The fitted size of each effect in words, by its id and the axis."""
     traces: Path
     against: list[str]
     levels: Levels | None
@@ -169,6 +171,8 @@ class Card:
     picture: Picture | None = None
     means: bool = False
     """True if the explained part is that of means, because the effect is slow and the axis has a faster error too."""
+    limit: str = ""
+    """The size that is excluded, in words, of an effect that was looked for and not found; empty if it is not known."""
 
     @property
     def signature(self) -> Signature | None:
@@ -187,6 +191,33 @@ class DiagnosisView:
     sentence: str
     cards: list[Card]
     unknown: dict[str, Any] | None
+    sets: list[list[str]] = field(default_factory=list)
+    """Axis, effects and probability in words of the likeliest sets of effects, on axes that more than noise explains."""
+    left_over: str = ""
+    """The sentence about what no effect describes; empty if nothing is left over."""
+
+    @property
+    def named(self) -> list[Card]:
+        """The cards of what is named or suggested, best first."""
+        return [card for card in self.cards if card.judged["decision"] in ("add", "suggest")]
+
+    def of(self, effect: str) -> tuple[Card, ...]:
+        """Those of an effect."""
+        return tuple(card for card in self.named if card.judged["effect"] == effect)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """An effect that was tried. ``view`` is the model with it, None if it was ``refused``, which says why.
+
+    ``before`` is the comparison before it, over the richer model's floor, as ``gyrocal add --json`` gives it. ``limits`` are
+    the sizes that the session excludes on the axes where the effect is not proven, in words.
+    """
+
+    before: dict[str, Any]
+    view: ModelView | None
+    refused: str
+    limits: list[str]
 
 
 @dataclass(frozen=True)
@@ -202,18 +233,18 @@ class CalibrationView:
 
 @dataclass(frozen=True)
 class TrainedView:
-    """A network trained for a model, in its run folder. ``parity`` is the output of `gyrocal verify --json`."""
+    """A network trained for a model, in its run folder. ``parity`` is the output of `gyrocal verify --json`, if it was run."""
 
     folder: Path
     errors: list[dict[str, Any]]
     """Mean absolute errors on scenarios drawn from the model, by method and seconds: `errors` of `gyrocal train --json`."""
-    parity: dict[str, Any]
+    parity: dict[str, Any] | None
 
 
 @dataclass(frozen=True)
 class ExportView:
-    """The project written for the device. ``parity`` is the output of `gyrocal verify --json`."""
+    """The project written for the device. ``parity`` is the output of `gyrocal verify --json`, if it was run."""
 
     folder: Path
     effects: list[str]
-    parity: dict[str, Any]
+    parity: dict[str, Any] | None

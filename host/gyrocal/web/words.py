@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gyrocal.inference.blocks import BLOCK_S
-from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
+from gyrocal.present.probability import probability_rows
 from gyrocal.units import percentage
 from gyrocal.web.views import Card, Holdable
 
@@ -52,6 +52,7 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     if judged["q_value"] is not None:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
+    rows += probability_rows(judged)
     if card.looks_like:
         if not card.doubts:
             rows.append(("cannot be told from", ", ".join(card.looks_like)))
@@ -83,21 +84,6 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     return (
         "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
         "cycles, and the excess is only what lies beyond it."
-    )
-
-
-def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
-    """The sentence that a model which fits needs if the excess of an axis differs from zero; empty if none does.
-
-    ``per_axis`` is that of ``gyrocal compare --json``.
-    """
-    known = {a: (e.get("excess_dps"), e.get("excess_se_dps")) for a, e in per_axis.items()}
-    beyond = [a for a, (e, se) in known.items() if e is not None and se is not None and e > POLICY.excess_errors * se]
-    if not beyond:
-        return ""
-    return (
-        f"The excess on {' and '.join(beyond)} is more than {POLICY.excess_errors:g} standard errors, but no test finds what "
-        f"it depends on. An excess of unknown shape is a misfit from {percentage(POLICY.least_excess)} of the noise floor on."
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
-from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, GyrocalError, InputError
+from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, InputError
 
 Axis = Literal["x", "y", "z"]
 
@@ -20,6 +20,11 @@ def run(
         str, typer.Option("--format", metavar="header|c|kalibr|ros2|px4|ardupilot|json", help="Who reads the model.")
     ] = "header",
     rate_hz: Annotated[float | None, typer.Option(help="The sample rate, for noise densities (kalibr, ros2).")] = None,
+    device_id: Annotated[int | None, typer.Option(help="The gyroscope's device id on the vehicle (px4, ardupilot).")] = None,
+    index: Annotated[int | None, typer.Option(help="Its number on the vehicle: px4 from 0, ardupilot from 1.")] = None,
+    add_to: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The parameters that had corrected the rates of the model's session.")
+    ] = None,
     axis: Annotated[Axis, typer.Option(help="The sensor's axis that calibration.h is for.")] = "z",
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -29,10 +34,13 @@ def run(
     The network is ONNX and quantised ONNX too; without --run it is the one that ships. With --format only the model is written.
     """
     left: dict[str, str] = {}
+    vehicle = {"device_id": device_id, "index": index, "add_to": add_to}
     if target == "header":
+        if any(value is not None for value in vehicle.values()):
+            raise InputError("--device-id, --index and --add-to are for --format px4 and ardupilot")
         contents = _headers(run_folder, model, axis)
     else:
-        contents, left = _for_others(target, model, rate_hz)
+        contents, left = _for_others(target, model, rate_hz, vehicle)
     from gyrocal_export.files import write_all
 
     written = [str(path) for path in write_all(out, contents)]
@@ -50,7 +58,7 @@ def _headers(run_folder: Path | None, model: str | None, axis: Axis) -> dict[str
     try:
         contents = export_run(run_folder) if run_folder else export_shipped()
     except ImportError as error:
-        raise GyrocalError(f"exporting a run needs {error.name}: {INSTALL_TRAIN} ({INDEX_IS})") from error
+        raise InputError(f"exporting a run needs {error.name}: {INSTALL_TRAIN} ({INDEX_IS})") from error
     if model is not None:
         from gyrocal.calibration import header
         from gyrocal.error_model.model import Model
@@ -59,12 +67,14 @@ def _headers(run_folder: Path | None, model: str | None, axis: Axis) -> dict[str
     return contents
 
 
-def _for_others(target: str, model: str | None, rate_hz: float | None) -> tuple[dict[str, bytes], dict[str, str]]:
+def _for_others(
+    target: str, model: str | None, rate_hz: float | None, vehicle: dict[str, Any]
+) -> tuple[dict[str, bytes], dict[str, str]]:
     """The model's file for another program, and what that program cannot hold."""
     from gyrocal.calibration.targets.base import render
     from gyrocal.error_model.model import Model
 
     if model is None:
         raise InputError(f"--format {target} writes a model: give it with --model")
-    rendered = render(target, Model.open(model), rate_hz)
+    rendered = render(target, Model.open(model), rate_hz, **vehicle)
     return {rendered.file: rendered.text.encode()}, dict(rendered.left)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, GyrocalError, InputError
+from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, InputError
 from gyrocal.fleet.engine import engine
 
 Net = Literal["paper", "gyrocal"]
@@ -47,7 +47,7 @@ def run(
         from gyrocal_export.train import Config, train
         from gyrocal_export.train_gyrocal import GyrocalConfig, train_gyrocal
     except ImportError as error:
-        raise GyrocalError(f"training needs {error.name}: {INSTALL_TRAIN} ({INDEX_IS})") from error
+        raise InputError(f"training needs {error.name}: {INSTALL_TRAIN} ({INDEX_IS})") from error
     from rich.console import Console
     from rich.progress import Progress, TextColumn
 

@@ -5,6 +5,8 @@
 
 class TwoWire {
 public:
+    bool begin();
+    bool setClock(uint32_t frequency);
     bool begin(int sda, int scl, uint32_t frequency = 0);
     bool end();
     void setTimeOut(uint16_t timeout_ms);

@@ -1,9 +1,8 @@
 #ifndef ESP_TIMER_H
 #define ESP_TIMER_H
 
-#include <stdint.h>
+#include "esp_err.h"
 
-typedef int esp_err_t;
 typedef struct esp_timer *esp_timer_handle_t;
 typedef enum { ESP_TIMER_TASK } esp_timer_dispatch_t;
 

@@ -3,7 +3,7 @@
 #include "simulated_board.h"
 
 extern "C" {
-#include "emul_lsm6dso.h"
+#include "emul.h"
 }
 
 #include <cmath>
@@ -13,13 +13,19 @@ extern "C" {
 #include <istream>
 #include <vector>
 
-#define I2C_BIT_US 2.5
+#define NO_EVENT_US 1000000.0 /* IDF 4.4 waits so long for an event of a bus that does not move, whatever the timeout */
 #define NOISE_COUNTS 5.0
+#define BUSES 2
 
-static emul_lsm6dso_t chip[CHIPS];
+static emul_t chip[CHIPS];
 static bool present[CHIPS], holds[CHIPS];
+static unsigned at[CHIPS]; /* addresses */
 static int16_t world[CHIPS][EMUL_WORDS];
-static int clocks[2]; /* of a bus that nobody drives but the pins */
+static struct {
+    int sda, scl;
+} wired[BUSES] = {{GYROCAL_SDA, GYROCAL_SCL}, {GYROCAL_SDA2, GYROCAL_SCL2}}; /* what the sensors are wired to */
+static bool tied_low[BUSES];
+static int clocks[BUSES]; /* of a bus that nobody drives but the pins */
 static struct {
     void (*handler)(void *);
     void *argument;
@@ -39,20 +45,21 @@ static double gaussian() {
 /* Every sample has a noise of its own. */
 static void advance(int i, uint64_t t_us) {
     double before_us = -1.0;
-    while (present[i] && chip[i].tick_us > before_us && chip[i].tick_us <= static_cast<double>(t_us)) {
-        before_us = chip[i].tick_us;
-        memcpy(chip[i].world, world[i], sizeof world[i]);
+    while (present[i] && emul_tick_us(&chip[i]) > before_us && emul_tick_us(&chip[i]) <= static_cast<double>(t_us)) {
+        int16_t noisy[EMUL_WORDS];
+        before_us = emul_tick_us(&chip[i]);
+        memcpy(noisy, world[i], sizeof noisy);
         for (int axis = 1; axis <= 3; axis++) {
-            chip[i].world[axis] = static_cast<int16_t>(std::lround(world[i][axis] + NOISE_COUNTS * gaussian()));
+            noisy[axis] = static_cast<int16_t>(std::lround(world[i][axis] + NOISE_COUNTS * gaussian()));
         }
-        emul_lsm6dso_advance(&chip[i], static_cast<uint64_t>(before_us) + 1u);
+        emul_set_world(&chip[i], noisy);
+        emul_advance(&chip[i], static_cast<uint64_t>(before_us) + 1u);
     }
 }
 
 uint64_t next_edge_us() {
-    return int1.handler != nullptr && chip[0].tick_us > 0.0 && chip[0].tick_us > static_cast<double>(now_us)
-               ? static_cast<uint64_t>(chip[0].tick_us) + 1u
-               : NEVER;
+    const double tick_us = int1.handler != nullptr && present[0] ? emul_tick_us(&chip[0]) : 0.0;
+    return tick_us > 0.0 && tick_us > static_cast<double>(now_us) ? static_cast<uint64_t>(tick_us) + 1u : NEVER;
 }
 
 void look_at_pins() {
@@ -60,7 +67,7 @@ void look_at_pins() {
         return;
     }
     advance(0, now_us);
-    const bool high = emul_lsm6dso_int1(&chip[0]);
+    const bool high = present[0] && emul_int1(&chip[0]);
     const bool rose = high && !int1.high;
     int1.high = high;
     if (rose) {
@@ -72,26 +79,75 @@ static int bus_of(const TwoWire *wire) {
     return wire == &Wire ? 0 : 1;
 }
 
-static int chip_at(const TwoWire *wire, uint8_t address) {
-    const int i = 2 * bus_of(wire) + (address == 0x6B ? 0 : 1);
-    const bool held = holds[2 * bus_of(wire)] || holds[2 * bus_of(wire) + 1];
-    return (address == 0x6A || address == 0x6B) && present[i] && !held ? i : -1;
+static bool is_low(int pin) {
+    bool low = false;
+    for (int bus = 0; bus < BUSES; bus++) {
+        low = low || (pin == wired[bus].sda && (tied_low[bus] || holds[2 * bus] || holds[2 * bus + 1]));
+    }
+    return low;
 }
 
 TwoWire Wire, Wire1;
 static struct {
+    semaphore lock; /* taken from the beginning of a transfer to its end */
+    bool started;
+    int sda, scl;
+    uint32_t frequency;
     uint8_t address;
     std::vector<uint8_t> sent;
-    bool stop_due;
     std::deque<uint8_t> got;
-} transfer[2];
+} transfer[BUSES];
 
-bool TwoWire::begin(int, int, uint32_t frequency) {
-    clocks[bus_of(this)] = 0;
-    return frequency == 400000 && fails.count("wire") == 0;
+static int chip_at(const TwoWire *wire, uint8_t address) {
+    const int bus = bus_of(wire);
+    const bool connected = transfer[bus].sda == wired[bus].sda && transfer[bus].scl == wired[bus].scl;
+    for (int i = 2 * bus; i < 2 * bus + 2 && connected; i++) {
+        if (present[i] && address == at[i]) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+/* Returns false if a line stays low. */
+static bool pass_transfer(int bus, size_t bytes) {
+    if (is_low(transfer[bus].sda) || is_low(transfer[bus].scl)) {
+        pass(NO_EVENT_US);
+        return false;
+    }
+    pass(1e6 / transfer[bus].frequency * (9.0 * static_cast<double>(bytes) + 3.0));
+    return true;
+}
+
+/* A bus that is started keeps its pins. */
+bool TwoWire::begin(int sda, int scl, uint32_t frequency) {
+    auto &t = transfer[bus_of(this)];
+    xSemaphoreTake(&t.lock, portMAX_DELAY);
+    if (!t.started && frequency > 0 && fails.count("wire") == 0) {
+        t.started = true;
+        t.sda = sda;
+        t.scl = scl;
+        t.frequency = frequency;
+        clocks[bus_of(this)] = 0;
+    }
+    xSemaphoreGive(&t.lock);
+    return t.started;
+}
+
+bool TwoWire::begin() {
+    return begin(GYROCAL_SDA, GYROCAL_SCL, 100000);
+}
+
+bool TwoWire::setClock(uint32_t frequency) {
+    transfer[bus_of(this)].frequency = frequency;
+    return true;
 }
 
 bool TwoWire::end() {
+    auto &t = transfer[bus_of(this)];
+    xSemaphoreTake(&t.lock, portMAX_DELAY);
+    t.started = false;
+    xSemaphoreGive(&t.lock);
     return true;
 }
 
@@ -99,8 +155,10 @@ void TwoWire::setTimeOut(uint16_t) {
 }
 
 void TwoWire::beginTransmission(uint8_t address) {
-    transfer[bus_of(this)].address = address;
-    transfer[bus_of(this)].sent.clear();
+    auto &t = transfer[bus_of(this)];
+    xSemaphoreTake(&t.lock, portMAX_DELAY);
+    t.address = address;
+    t.sent.clear();
 }
 
 size_t TwoWire::write(uint8_t data) {
@@ -113,39 +171,56 @@ size_t TwoWire::write(const uint8_t *data, size_t n) {
     return n;
 }
 
-/* Without a stop it does no bus work: the reading that follows does. */
-uint8_t TwoWire::endTransmission(bool stop) {
-    auto &t = transfer[bus_of(this)];
-    if (!stop) {
-        return 0;
+static uint8_t write_to(const TwoWire *wire) {
+    auto &t = transfer[bus_of(wire)];
+    if (!pass_transfer(bus_of(wire), t.sent.size() + 1u)) {
+        return 5;
     }
-    pass(I2C_BIT_US * (9.0 * static_cast<double>(t.sent.size() + 1u) + 2.0));
-    const int i = chip_at(this, t.address);
+    const int i = chip_at(wire, t.address);
     if (i < 0) {
         return 2;
     }
     advance(i, now_us);
-    if (!t.sent.empty()) {
-        emul_lsm6dso_write(&chip[i], now_us, t.sent[0], t.sent.data() + 1, t.sent.size() - 1);
+    const bool empty = t.sent.empty();
+    const int got = emul_write(&chip[i], now_us, empty ? 0 : t.sent[0], t.sent.data() + 1, empty ? 0 : t.sent.size() - 1);
+    return got < 0 ? 2 : 0;
+}
+
+/* Without a stop it does no bus work: the reading that follows does. On a bus that is not started the lock is kept. */
+uint8_t TwoWire::endTransmission(bool stop) {
+    auto &t = transfer[bus_of(this)];
+    if (!t.started) {
+        return 4;
     }
-    return 0;
+    const uint8_t result = stop ? write_to(this) : 0;
+    if (stop) {
+        xSemaphoreGive(&t.lock);
+    }
+    return result;
+}
+
+static void read_from(const TwoWire *wire, uint8_t address, size_t n) {
+    auto &t = transfer[bus_of(wire)];
+    uint8_t data[128];
+    t.got.clear();
+    if (n > sizeof data || !pass_transfer(bus_of(wire), n + 3u)) { /* the real one's buffer holds as much */
+        return;
+    }
+    const int i = chip_at(wire, address);
+    if (i >= 0) {
+        advance(i, now_us);
+        const int got = emul_read(&chip[i], now_us, t.sent[0], data, n);
+        t.got.insert(t.got.end(), data, data + (got > 0 ? got : 0));
+    }
 }
 
 size_t TwoWire::requestFrom(uint8_t address, size_t n, bool) {
     auto &t = transfer[bus_of(this)];
-    uint8_t data[128];
-    t.got.clear();
-    if (n > sizeof data) {
-        return 0; /* as the real one's buffer */
-    }
-    pass(I2C_BIT_US * (9.0 * static_cast<double>(n + 3u) + 3.0));
-    const int i = chip_at(this, address);
-    if (i < 0) {
+    if (!t.started) {
         return 0;
     }
-    advance(i, now_us);
-    const int got = emul_lsm6dso_read(&chip[i], now_us, t.sent[0], data, n);
-    t.got.insert(t.got.end(), data, data + (got > 0 ? got : 0));
+    read_from(this, address, n);
+    xSemaphoreGive(&t.lock);
     return t.got.size();
 }
 
@@ -169,18 +244,22 @@ void digitalWrite(uint8_t pin, uint8_t value) {
         printf("# light %.3f %d\n", 1e-6 * static_cast<double>(now_us), value);
     }
 #endif
-    if (pin == GYROCAL_SCL || pin == GYROCAL_SCL2) {
-        const int bus = pin == GYROCAL_SCL ? 0 : 1;
-        clocks[bus] += value == HIGH ? 1 : 0;
+    for (int bus = 0; bus < BUSES; bus++) {
+        clocks[bus] += pin == wired[bus].scl && value == HIGH ? 1 : 0;
         if (clocks[bus] == 9) {
             holds[2 * bus] = holds[2 * bus + 1] = false;
         }
     }
 }
 
-int digitalRead(uint8_t) {
-    advance(0, now_us);
-    return emul_lsm6dso_int1(&chip[0]) ? HIGH : LOW;
+int digitalRead(uint8_t pin) {
+#if defined(GYROCAL_INT1)
+    if (pin == GYROCAL_INT1) {
+        advance(0, now_us);
+        return present[0] && emul_int1(&chip[0]) ? HIGH : LOW;
+    }
+#endif
+    return is_low(pin) ? LOW : HIGH;
 }
 
 void attachInterruptArg(uint8_t, void (*handler)(void *), void *argument, int) {
@@ -193,13 +272,25 @@ void neopixelWrite(uint8_t, uint8_t red, uint8_t green, uint8_t blue) {
 }
 }
 
-void power_on(unsigned i) {
-    present[i] = true;
-    emul_lsm6dso_power_on(&chip[i], now_us, 250.0);
+/* The first of a bus has the address that is usual for its kind, the second the other one. */
+void power_on(unsigned i, const std::string &name, unsigned address) {
+    chip[i].kind = name.empty() ? &emul_kinds[0] : emul_kind(name.c_str());
+    present[i] = chip[i].kind != nullptr;
+    const unsigned usual = chip[i].kind->address;
+    at[i] = address != 0 ? address : i % 2 == 0 ? usual : usual == 0x6B ? 0x6A : 0x69;
+    emul_power_on(&chip[i], 1.0, now_us, 250.0);
 }
 
 void hold_bus(unsigned i) {
     holds[i] = true;
+}
+
+void tie_low(unsigned bus, bool low) {
+    tied_low[bus] = low;
+}
+
+void wire_to(std::istream &pins) {
+    pins >> wired[0].sda >> wired[0].scl;
 }
 
 void set_world(unsigned i, std::istream &counts) {

@@ -1,5 +1,6 @@
 /* Flash that keeps its content in a file. */
 #include "Preferences.h"
+#include "nvs_flash.h"
 #include "simulated_board.h"
 
 #include <cstring>
@@ -26,10 +27,26 @@ void read_flash(const char *path) {
     }
 }
 
+extern "C" {
+esp_err_t nvs_flash_init_partition(const char *) {
+    return fails.count("flash") > 0 ? ESP_ERR_NOT_FOUND : fails.count("nvs") > 0 ? ESP_ERR_NVS_NO_FREE_PAGES : ESP_OK;
+}
+
+esp_err_t nvs_flash_erase_partition(const char *) {
+    fails.erase("nvs");
+    flash.clear();
+    return ESP_OK;
+}
+
+const char *esp_err_to_name(esp_err_t error) {
+    return error == ESP_ERR_NOT_FOUND ? "ESP_ERR_NOT_FOUND" : "ESP_ERR_NVS_NO_FREE_PAGES";
+}
+}
+
 bool Preferences::begin(const char *name, bool read_only, const char *partition) {
     const std::string path = std::string(partition) + "/" + name + "/";
     const auto first = flash.lower_bound(path);
-    if (fails.count("flash") > 0 || (read_only && (first == flash.end() || first->first.compare(0, path.size(), path) != 0))) {
+    if (nvs_flash_init_partition(partition) != ESP_OK || (read_only && (first == flash.end() || first->first.compare(0, path.size(), path) != 0))) {
         return false;
     }
     opened[this] = path;

@@ -5,13 +5,19 @@
  * A line of the script is a time in seconds, in rising order, and
  *
  *     > TEXT                        a command, as typed
- *     chip I                        sensor I is there: 0, 1 at 0x6B, 0x6A of the first bus, 2, 3 of the second
+ *     chip I [NAME [ADDRESS]]       sensor I is there, an LSM6DSO if there is no name: 0, 1 at 0x6B, 0x6A of the first bus, 2, 3 of
+ *                                   the second; parts of the other makers at 0x68, 0x69; or at the address, in hexadecimal digits
  *     world I T GX GY GZ AX AY AZ   what sensor I measures, raw counts at 250 dps and 2 g
  *     hold I                        sensor I stops in the middle of a byte and holds its bus's SDA low
- *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins)
+ *     low BUS, free BUS             the bus's SDA is tied low, as by a sensor without power; it no longer is
+ *     pins SDA SCL                  the sensors of the first bus are wired to these pins
+ *     reset N                       the reason of the board's last reset (esp_system.h), 1 if not told
+ *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins),
+ *                                   nvs (free page in its flash)
  *
  * One task runs at a time, the one with the highest priority that can. Time passes while all of them wait, and in transfers,
  * flash writes and looks at the clock. */
+#include "esp_system.h"
 #include "simulated_board.h"
 
 #include <cstdlib>
@@ -24,6 +30,11 @@ void setup();
 void loop();
 
 static std::deque<std::pair<uint64_t, std::string>> script;
+static unsigned reset_reason = ESP_RST_POWERON;
+
+esp_reset_reason_t esp_reset_reason() {
+    return static_cast<esp_reset_reason_t>(reset_reason);
+}
 
 uint64_t next_line_us() {
     return script.empty() ? NEVER : script.front().first;
@@ -42,9 +53,18 @@ void obey_script() {
         } else if (word == "fail") {
             line >> word;
             fails.insert(word);
+        } else if (word == "reset") {
+            line >> reset_reason;
+        } else if (word == "pins") {
+            wire_to(line);
         } else if (line >> i && i < CHIPS) {
-            if (word == "chip") {
-                power_on(i);
+            if (word == "low" || word == "free") {
+                tie_low(i, word == "low");
+            } else if (word == "chip") {
+                word.clear();
+                unsigned address = 0;
+                line >> word >> std::hex >> address;
+                power_on(i, word, address);
             } else if (word == "hold") {
                 hold_bus(i);
             } else {

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <deque>
 #include <string>
 
@@ -12,10 +13,21 @@ HardwareSerial Serial;
 EspClass ESP;
 static std::deque<char> typed;
 
-/* The driver's buffer, which the wire empties. All of the port's functions share one lock, as Arduino's do. */
+/* The hardware's own buffer, and that of the driver, which holds a note beside each write and a header before either. All of
+   the port's functions share one lock, as Arduino's do. */
+#define FIFO_BYTES 128
+#define NOTE_BYTES 12
+#define HEADER_BYTES 8
+
+struct queued {
+    double left_us; /* when its last byte is on the wire */
+    size_t takes;
+};
+
 static semaphore serial_lock;
 static bool serial_begun;
-static size_t tx_room_bytes = 128;
+static size_t tx_bytes;
+static std::deque<queued> tx_queue;
 static double tx_busy_until_us;
 
 /* What was written comes out line by line: the light's own lines stand between them. */
@@ -33,6 +45,18 @@ static size_t tx_waiting() {
     return us > 0.0 ? static_cast<size_t>(us / SERIAL_BYTE_US) + 1u : 0u;
 }
 
+/* What of the driver's buffer is taken. A write's part is given back when its last byte is in the hardware's. */
+static size_t tx_taken() {
+    size_t taken = 0;
+    while (!tx_queue.empty() && tx_queue.front().left_us - FIFO_BYTES * SERIAL_BYTE_US <= static_cast<double>(now_us)) {
+        tx_queue.pop_front();
+    }
+    for (const queued &write : tx_queue) {
+        taken += write.takes;
+    }
+    return taken;
+}
+
 struct serial_guard {
     serial_guard() { xSemaphoreTake(&serial_lock, portMAX_DELAY); }
     ~serial_guard() { xSemaphoreGive(&serial_lock); }
@@ -46,6 +70,8 @@ void EspClass::restart() {
 
 void HardwareSerial::begin(unsigned long baud) {
     serial_begun = true;
+    static const uint8_t boot[] = {0x80, 0xf8, 0x00, 0xff, 0x1c, 0xe0, 0x80, 0x24, 0xfe}; /* of the ROM's log, at 115200 baud */
+    show(boot, sizeof boot);
     if (baud != 921600) {
         _Exit(2);
     }
@@ -59,7 +85,7 @@ size_t HardwareSerial::setRxBufferSize(size_t n) {
 }
 
 size_t HardwareSerial::setTxBufferSize(size_t n) {
-    tx_room_bytes = serial_begun ? tx_room_bytes : n; /* afterwards it is refused */
+    tx_bytes = serial_begun ? tx_bytes : n; /* afterwards it is refused */
     return n;
 }
 
@@ -70,19 +96,44 @@ int HardwareSerial::available() {
 
 int HardwareSerial::availableForWrite() {
     serial_guard guard;
-    return static_cast<int>(tx_room_bytes - (tx_waiting() < tx_room_bytes ? tx_waiting() : tx_room_bytes));
+    return static_cast<int>(FIFO_BYTES + tx_bytes - tx_waiting()); /* notes and headers are not counted */
 }
 
 /* What finds no room waits for the wire, the lock held. */
 size_t HardwareSerial::write(const uint8_t *data, size_t n) {
     serial_guard guard;
+    const size_t takes = HEADER_BYTES + NOTE_BYTES + HEADER_BYTES + (n + 3u) / 4u * 4u;
+    while (tx_taken() + takes > tx_bytes && !tx_queue.empty()) {
+        pass(tx_queue.front().left_us - FIFO_BYTES * SERIAL_BYTE_US - static_cast<double>(now_us) + 1.0);
+    }
     show(data, n);
     const double from_us = tx_busy_until_us > static_cast<double>(now_us) ? tx_busy_until_us : static_cast<double>(now_us);
     tx_busy_until_us = from_us + SERIAL_BYTE_US * static_cast<double>(n);
-    if (tx_waiting() > tx_room_bytes) {
-        pass(SERIAL_BYTE_US * static_cast<double>(tx_waiting() - tx_room_bytes));
-    }
+    tx_queue.push_back({tx_busy_until_us, takes});
     return n;
+}
+
+int HardwareSerial::read() {
+    char byte = 0;
+    return readBytes(&byte, 1) == 1 ? byte : -1;
+}
+
+size_t Print::print(const char *text) {
+    return write(reinterpret_cast<const uint8_t *>(text), strlen(text));
+}
+
+size_t Print::print(double value, int digits) {
+    char text[32];
+    snprintf(text, sizeof text, "%.*f", digits, value);
+    return print(text);
+}
+
+size_t Print::println(const char *text) {
+    return print(text) + print("\r\n");
+}
+
+size_t Print::println(double value, int digits) {
+    return print(value, digits) + print("\r\n");
 }
 
 size_t Stream::readBytes(char *buffer, size_t n) {

@@ -29,8 +29,10 @@ void begin_first_task();
 /* buses.cpp: the time of the next edge on the interrupt pin, and what the script does to sensor i. */
 uint64_t next_edge_us();
 void look_at_pins();
-void power_on(unsigned i);
+void power_on(unsigned i, const std::string &name, unsigned address);
 void hold_bus(unsigned i);
+void tie_low(unsigned bus, bool low);
+void wire_to(std::istream &pins);
 void set_world(unsigned i, std::istream &counts);
 
 /* flash.cpp, serial.cpp: the file that keeps the flash; text typed by the person at the port. */

@@ -1,5 +1,6 @@
 /* Tasks, timers and the watchdog in virtual time. One task runs at a time, the one with the highest priority that can. */
 #include "simulated_board.h"
+#include "esp_system.h"
 #include "esp_task_wdt.h"
 #include "esp_timer.h"
 
@@ -98,10 +99,7 @@ uint64_t after(TickType_t ms) {
 }
 
 extern "C" {
-BaseType_t xTaskCreate(void (*code)(void *), const char *name, uint32_t, void *argument, UBaseType_t priority, TaskHandle_t *handle) {
-    if (fails.count("task") > 0 && strcmp(name, "sensor") == 0) {
-        return -1;
-    }
+static BaseType_t create(void (*code)(void *), void *argument, UBaseType_t priority, TaskHandle_t *handle) {
     tasks.emplace_back();
     task *t = &tasks.back();
     t->priority = priority;
@@ -115,6 +113,33 @@ BaseType_t xTaskCreate(void (*code)(void *), const char *name, uint32_t, void *a
         code(argument);
     }).detach();
     return pdTRUE;
+}
+
+/* A sensor's task computes with the FPU, and would stay on the core that happens to be free first. */
+BaseType_t xTaskCreate(void (*code)(void *), const char *name, uint32_t, void *argument, UBaseType_t priority, TaskHandle_t *handle) {
+    if (strcmp(name, "sensor") == 0) {
+        _Exit(2);
+    }
+    return create(code, argument, priority, handle);
+}
+
+BaseType_t xTaskCreatePinnedToCore(void (*code)(void *), const char *name, uint32_t, void *argument, UBaseType_t priority,
+                                   TaskHandle_t *handle, BaseType_t core) {
+    if (fails.count("task") > 0 && strcmp(name, "sensor") == 0) {
+        return -1;
+    }
+    if (core < 0 || core >= portNUM_PROCESSORS) {
+        _Exit(2);
+    }
+    return create(code, argument, priority, handle);
+}
+
+UBaseType_t uxTaskGetStackHighWaterMark(TaskHandle_t) {
+    return 8192;
+}
+
+uint32_t esp_get_minimum_free_heap_size() {
+    return 150000;
 }
 
 BaseType_t xTaskNotifyGive(TaskHandle_t t) {
@@ -172,6 +197,10 @@ esp_err_t esp_task_wdt_add(TaskHandle_t t) {
 esp_err_t esp_task_wdt_reset() {
     running->watched_us = now_us;
     return 0;
+}
+
+unsigned long micros() {
+    return static_cast<unsigned long>(++now_us);
 }
 
 unsigned long millis() {

@@ -2,6 +2,8 @@
 #ifndef GC_CALIBRATION_H
 #define GC_CALIBRATION_H
 
+#include "gc_span.h"
+
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -50,6 +52,7 @@ typedef struct {
     float ou_tau_s;
     const double *prior_mean;
     const double *prior_sqrt_information;
+    gc_span_t fitted_temp_c; /* temperatures that the priors were fitted on; columns see those beyond as the nearest of these */
 } gc_calibration_t;
 
 #ifdef __cplusplus

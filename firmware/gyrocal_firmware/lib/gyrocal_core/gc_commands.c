@@ -123,7 +123,7 @@ static int do_dump(gc_device_t *d, const gc_words_t *words) {
 static void tell_setting(gc_device_t *d, const char *command, gc_setting_t row) {
     gc_sentence_t *s = gc_tell_begin(&d->teller, "ACK");
     gc_sentence_text(s, "cmd", command);
-    gc_settings_field(s, &d->settings.now, row);
+    gc_settings_field(s, &d->settings.now, row, d->config.parts);
     gc_tell_end(&d->teller);
 }
 
@@ -131,9 +131,13 @@ static void tell_setting(gc_device_t *d, const char *command, gc_setting_t row) 
 static int change_setting(gc_device_t *d, const char *command, gc_setting_t row, gc_text_t word) {
     const gc_settings_t before = d->settings.now;
     gc_settings_t settings = before;
-    int error = gc_settings_parse(&settings, row, word);
+    int error = gc_settings_parse(&settings, row, word, d->config.parts);
+    const gc_part_t *part = settings.sensor == before.sensor ? d->sampler.part : gc_device_part(d, &settings);
+    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.address)) {
+        error = GC_E_ARGUMENT;
+    }
     if (error == GC_OK) {
-        error = gc_settings_check(&settings, d->config.part);
+        error = gc_settings_check(&settings, part);
     }
     if (error != GC_OK) {
         return error;
@@ -144,6 +148,9 @@ static int change_setting(gc_device_t *d, const char *command, gc_setting_t row,
     if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
         settings.fifo != before.fifo) {
         gc_sampler_begin_anew(&d->sampler);
+    }
+    if (settings.sensor != before.sensor) {
+        gc_device_begin_anew(d);
     }
     if (row == GC_SETTING_AUTO) {
         gc_watch_arm(&d->watch);

@@ -27,6 +27,8 @@ static double expected_dps(const gc_axis_model_t *axis, double bias_dps, const g
 
 int gc_correct(const gc_model_t *model, const double bias_dps[3], const double reading_dps[3], const gc_effect_input_t *in,
                double rate_dps[3]) {
+    gc_effect_input_t within = *in;
+    within.temp_c = gc_span_clamp(&model->fitted_temp_c, in->temp_c);
     double w[3] = {reading_dps[0], reading_dps[1], reading_dps[2]};
     bool converged = false;
     for (unsigned n = 0; n < MOST_ITERATIONS && !converged; n++) {
@@ -35,11 +37,20 @@ int gc_correct(const gc_model_t *model, const double bias_dps[3], const double r
         for (unsigned i = 0; i < 3u; i++) {
             const gc_axis_model_t *axis = &model->axis[i];
             const double bias = bias_dps != NULL ? bias_dps[i] : axis->bias_dps;
-            next[i] = w[i] + (reading_dps[i] - expected_dps(axis, bias, in, w));
+            next[i] = w[i] + (reading_dps[i] - expected_dps(axis, bias, &within, w));
             converged = converged && fabs(next[i] - w[i]) < CONVERGED_DPS;
         }
         memcpy(w, next, sizeof w);
     }
     memcpy(rate_dps, w, sizeof w);
     return converged ? GC_OK : GC_E_CORRECTION;
+}
+
+unsigned gc_correct_beyond(const gc_model_t *model, const gc_effect_input_t *in, const double rate_dps[3]) {
+    unsigned beyond = gc_span_holds(&model->fitted_temp_c, in->temp_c) ? 0u : GC_BEYOND_TEMPERATURE;
+    for (unsigned i = 0; i < 3u; i++) {
+        beyond |= gc_span_holds(&model->fitted_rate_dps[i], (float)rate_dps[i]) ? 0u : GC_BEYOND_RATE;
+        beyond |= gc_span_holds(&model->fitted_acc_g[i], in->acc_g[i]) ? 0u : GC_BEYOND_ACCELERATION;
+    }
+    return beyond;
 }

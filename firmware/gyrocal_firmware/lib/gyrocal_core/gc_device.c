@@ -9,6 +9,11 @@
 #define NET_ROOM 20u /* bytes of a name in $HEL; longer names are cut */
 #define REMINDERS 3u             /* after the end of a run, for a reader who missed it; chosen by judgement */
 #define REMINDER_US 1000000u
+#define STORE_WITHIN_US 120000000u /* of the end of a run, though others go on; chosen by judgement */
+
+static uint64_t now_us(const gc_device_t *d) {
+    return d->config.port->now_us(d->config.port->context);
+}
 
 static bool is_recording(const gc_device_t *d) {
     return d->state == GC_STATE_RECORDING;
@@ -23,22 +28,22 @@ static void enter(gc_device_t *d, gc_trigger_t trigger) {
 /* ---- sentences ---- */
 
 void gc_device_hello(gc_device_t *d) {
-    const gc_part_t *part = d->config.part;
+    const gc_part_t *part = d->sampler.part;
     const gc_settings_t *settings = &d->settings.now;
     gc_sentence_t *s = gc_tell_begin(&d->teller, "HEL");
     gc_sentence_uint(s, "proto", GC_WIRE_PROTOCOL);
     gc_sentence_text(s, "fw", GC_FIRMWARE_VERSION);
     gc_sentence_text(s, "sensor", part->name);
-    gc_settings_field(s, settings, GC_SETTING_RATE_HZ);
+    gc_settings_field(s, settings, GC_SETTING_RATE_HZ, d->config.parts);
     gc_sentence_real(s, "odr_hz", d->sampler.sensor.odr_hz);
-    gc_settings_field(s, settings, GC_SETTING_FULL_SCALE_DPS);
+    gc_settings_field(s, settings, GC_SETTING_FULL_SCALE_DPS, d->config.parts);
     gc_sentence_real(s, "lsb_dps", d->sampler.sensor.lsb_dps);
     gc_sentence_real(s, "lsb_g", part->lsb_g);
     gc_sentence_real(s, "lsb_c", part->lsb_c);
     gc_sentence_real(s, "zero_c", part->zero_c);
-    gc_settings_field(s, settings, GC_SETTING_AXIS);
-    gc_settings_field(s, settings, GC_SETTING_TABLE_DPS);
-    gc_settings_field(s, settings, GC_SETTING_TURN_DEG);
+    gc_settings_field(s, settings, GC_SETTING_AXIS, d->config.parts);
+    gc_settings_field(s, settings, GC_SETTING_TABLE_DPS, d->config.parts);
+    gc_settings_field(s, settings, GC_SETTING_TURN_DEG, d->config.parts);
     gc_sentence_text_cut(s, "cal", d->config.calibration != NULL ? d->config.calibration->name : NULL, NET_ROOM);
     gc_sentence_text_cut(s, "net", d->pair.net.name, 0);
     gc_tell_end(&d->teller);
@@ -60,6 +65,17 @@ static const char *waits_for(const gc_device_t *d) {
     return d->state == GC_STATE_FLIP ? "flip" : "steady";
 }
 
+static void tell_load(const gc_device_t *d, gc_sentence_t *s) {
+    const gc_port_t *port = d->config.port;
+    gc_sentence_uint(s, "slowest_us", d->slowest_us);
+    if (port->least_free != NULL) {
+        uint32_t heap_bytes = 0, stack_bytes = 0;
+        port->least_free(port->context, &heap_bytes, &stack_bytes);
+        gc_sentence_uint(s, "heap_bytes", heap_bytes);
+        gc_sentence_uint(s, "stack_bytes", stack_bytes);
+    }
+}
+
 static void begin_status(gc_device_t *d) {
     gc_sentence_t *s = gc_tell_begin(&d->teller, "STA");
     gc_sentence_text(s, "state", gc_state_name(d->state));
@@ -78,6 +94,7 @@ static void begin_status(gc_device_t *d) {
         gc_sentence_uint(s, "run_first", d->run->first);
         gc_sentence_uint(s, "run_n", d->run->n);
     }
+    tell_load(d, s);
 }
 
 void gc_device_status(gc_device_t *d) {
@@ -87,14 +104,14 @@ void gc_device_status(gc_device_t *d) {
 
 /* A reader who missed the end of a run learns from these how many samples it had. */
 static void remind(gc_device_t *d) {
-    const uint64_t now_us = d->config.port->now_us(d->config.port->context);
-    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || is_recording(d) || now_us < d->reminder_us) {
+    const uint64_t now = now_us(d);
+    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || is_recording(d) || now < d->reminder_us) {
         return;
     }
     begin_status(d);
     if (gc_tell_end_or_wait(&d->teller)) {
         d->reminders--;
-        d->reminder_us = now_us + REMINDER_US;
+        d->reminder_us = now + REMINDER_US;
     }
 }
 
@@ -154,19 +171,36 @@ void gc_device_show(gc_device_t *d) {
 
 /* ---- runs ---- */
 
-void gc_device_save_results(gc_device_t *d) {
-    const int error = gc_kept_save(&d->kept, d->config.port);
-    if (error != GC_OK) {
-        gc_tell_error(&d->teller, error);
+static bool may_store(const gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    return !is_recording(d) &&
+           (port->may_store == NULL || now_us(d) >= d->store_by_us || port->may_store(port->context));
+}
+
+static void store_what_changed(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    if (!(d->results_changed || d->settings_changed) || !may_store(d)) {
+        return;
+    }
+    const int error = d->results_changed ? gc_kept_save(&d->kept, port) : GC_OK;
+    const int other = d->settings_changed ? gc_settings_save(&d->settings, port) : GC_OK;
+    d->results_changed = false;
+    d->settings_changed = false;
+    if (error != GC_OK || other != GC_OK) {
+        gc_tell_error(&d->teller, error != GC_OK ? error : other);
     }
 }
 
+void gc_device_save_results(gc_device_t *d) {
+    d->results_changed = true;
+    d->store_by_us = now_us(d) + STORE_WITHIN_US;
+    store_what_changed(d);
+}
+
 void gc_device_save_settings(gc_device_t *d) {
-    d->settings_changed = is_recording(d);
-    const int error = d->settings_changed ? GC_OK : gc_settings_save(&d->settings, d->config.port);
-    if (error != GC_OK) {
-        gc_tell_error(&d->teller, error);
-    }
+    d->settings_changed = true;
+    d->store_by_us = now_us(d) + STORE_WITHIN_US;
+    store_what_changed(d);
 }
 
 void gc_device_start(gc_device_t *d, int face, bool automatic) {
@@ -216,20 +250,21 @@ void gc_device_stop(gc_device_t *d) {
     enter(d, by_halves[gc_pair_halves(&d->pair)]);
     gc_run_tell(d->run, &d->teller, true, d->sampler.samples);
     d->reminders = REMINDERS;
-    d->reminder_us = d->config.port->now_us(d->config.port->context) + REMINDER_US;
+    d->reminder_us = now_us(d) + REMINDER_US;
     gc_device_save_results(d);
-    if (d->settings_changed) {
-        gc_device_save_settings(d);
-    }
 }
 
-void gc_device_forget(gc_device_t *d) {
+static void forget_runs(gc_device_t *d) {
     enter(d, GC_TRIGGER_FORGET);
     d->run = NULL;
     d->reminders = 0;
     gc_pair_forget(&d->pair);
     memset(&d->rest, 0, sizeof d->rest);
     d->verdict = (gc_verdict_t){.misfit = NAN};
+}
+
+void gc_device_forget(gc_device_t *d) {
+    forget_runs(d);
     if (d->stream == GC_STREAM_CORRECTED) {
         d->stream = GC_STREAM_OFF;
     }
@@ -283,6 +318,54 @@ void gc_device_empty_fifo(gc_device_t *d) {
     }
 }
 
+/* ---- the part ---- */
+
+const gc_part_t *gc_device_part(const gc_device_t *d, const gc_settings_t *settings) {
+    const gc_part_t *part = d->config.part != NULL ? d->config.part : gc_settings_part(settings, d->config.parts);
+    part = part != NULL ? part : gc_part_at(d->config.parts, d->config.address);
+    return part != NULL ? part : d->config.parts[0];
+}
+
+static void name_part(gc_device_t *d) {
+    const bool told = d->config.part != NULL || d->settings.now.sensor > 0;
+    d->sampler.part = gc_device_part(d, &d->settings.now);
+    d->sampler.parts = told ? NULL : d->config.parts;
+    d->sampler.other = false;
+}
+
+/* Settings that the part does not have give way to the firmware's. The sensor stays the one that was set. */
+static void fit_settings(gc_device_t *d) {
+    const int32_t sensor = d->settings.now.sensor;
+    if (gc_settings_check(&d->settings.now, d->sampler.part) != GC_OK) {
+        gc_settings_default(&d->settings.now, d->config.calibration);
+        d->settings.now.sensor = sensor;
+    }
+}
+
+/* Readings of two parts go neither into one run nor into one pair. */
+static void take_other_part(gc_device_t *d) {
+    if (is_recording(d)) {
+        gc_device_stop(d);
+    }
+    forget_runs(d);
+    d->sampler.other = false;
+    fit_settings(d);
+    gc_sampler_begin_anew(&d->sampler);
+}
+
+void gc_device_begin_anew(gc_device_t *d) {
+    const gc_part_t *before = d->sampler.part;
+    name_part(d);
+    gc_sampler_begin_anew(&d->sampler);
+    if (d->sampler.other) {
+        take_other_part(d);
+    }
+    if (d->sampler.part != before) {
+        forget_runs(d);
+        gc_device_hello(d);
+    }
+}
+
 /* ---- the loop ---- */
 
 void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
@@ -293,12 +376,19 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
     gc_teller_init(&d->teller, config->port, config->imu);
     gc_commands_init(&d->commands);
     gc_settings_default(&d->settings.now, config->calibration);
-    gc_settings_load(&d->settings, config->port, config->part);
+    gc_settings_load(&d->settings, config->port, config->parts);
     gc_sampler_init(&d->sampler, &d->teller, &d->settings.now, config->part, config->address);
+    name_part(d);
+    if (d->sampler.parts == NULL) {
+        fit_settings(d);
+    }
     gc_watch_init(&d->watch);
     gc_pair_init(&d->pair, &d->teller, &d->kept, &d->verdict, error == GC_OK ? config->calibration : NULL, config->net);
     gc_kept_load(&d->kept, config->port, d->pair.net.identity);
     gc_sampler_set_up(&d->sampler);
+    if (d->sampler.other) {
+        take_other_part(d);
+    }
     gc_device_hello(d);
     if (error != GC_OK) {
         gc_tell_error(&d->teller, error);
@@ -315,7 +405,16 @@ void gc_device_receive(gc_device_t *d, const char *data, size_t n) {
 void gc_device_step(gc_device_t *d) {
     gc_kept_go_on_with_dump(&d->kept, &d->teller);
     remind(d);
+    store_what_changed(d);
+    if (d->sampler.other) {
+        take_other_part(d);
+        gc_device_hello(d);
+    }
     if (gc_sampler_wait(&d->sampler)) {
+        const uint64_t began_us = now_us(d);
         take_samples(d);
+        const uint64_t ended_us = now_us(d);
+        const uint32_t took_us = ended_us > began_us ? (uint32_t)(ended_us - began_us) : 0u;
+        d->slowest_us = took_us > d->slowest_us ? took_us : d->slowest_us;
     }
 }

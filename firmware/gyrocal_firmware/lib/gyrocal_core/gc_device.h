@@ -39,7 +39,8 @@ extern "C" {
 
 typedef struct {
     const gc_port_t *port;
-    const gc_part_t *part; /* the kind of sensor */
+    const gc_part_t *part; /* the kind of sensor; NULL = the one of `parts` that its id or the setting `sensor` tells */
+    const gc_part_t *const *parts; /* such as gc_parts (gc_parts.h); NULL where there is `part` */
     uint8_t address;       /* address of the sensor on its bus */
     unsigned imu;          /* its number on the wire */
     const gc_calibration_t *calibration; /* may be NULL */
@@ -53,7 +54,9 @@ typedef struct gc_device {
     gc_teller_t teller;
     gc_commands_t commands;
     gc_kept_settings_t settings;
-    bool settings_changed; /* changed during a run, after which they are stored */
+    bool settings_changed; /* not stored yet, because of a run: of this device, or of another of the board */
+    bool results_changed;  /* likewise */
+    uint64_t store_by_us;  /* they are stored from this time on, whatever other devices do */
     gc_kept_t kept;
     gc_sampler_t sampler;
     gc_watch_t watch;
@@ -65,6 +68,7 @@ typedef struct gc_device {
     gc_run_t *run; /* the current or the last run, alone or of the pair; NULL = none yet */
     gc_verdict_t verdict; /* verdict on the last answer */
     gc_stream_t stream;
+    uint32_t slowest_us;  /* the longest time from a sample's turn until all was done with it */
     unsigned reminders;   /* number of $STA that still follow the end of the last run, */
     uint64_t reminder_us; /* the next one not before this time */
     gc_led_t led;
@@ -86,10 +90,14 @@ void gc_device_empty_fifo(gc_device_t *device);
 void gc_device_start(gc_device_t *device, int face, bool automatic);
 void gc_device_stop(gc_device_t *device);
 void gc_device_forget(gc_device_t *device);
-/* Saves to flash, at once or after the run that goes on: flash is written between runs only. */
+/* Save to flash, at once or after the runs that go on: flash is written between runs only. */
 void gc_device_save_settings(gc_device_t *device);
 void gc_device_save_results(gc_device_t *device);
 void gc_device_show(gc_device_t *device);
+/* The part that these settings name, or that is asked first for its id. */
+const gc_part_t *gc_device_part(const gc_device_t *device, const gc_settings_t *settings);
+/* After a change of settings: sets the sensor up, as another part if `sensor` has changed. */
+void gc_device_begin_anew(gc_device_t *device);
 
 #ifdef __cplusplus
 }

@@ -10,7 +10,7 @@ extern "C" {
 #define GC_ERRORS(X)                                                                                                     \
     X(GC_E_BUS_NACK, -1, "bus_nack", "the sensor does not answer: check wiring and power and address")                   \
     X(GC_E_BUS_SHORT, -2, "bus_short", "the sensor sent too few bytes: shorten the cable or slow the bus")               \
-    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect the one that hello names")           \
+    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect the one that hello names or set sensor auto")           \
     X(GC_E_RESET_TIMEOUT, -4, "reset_timeout", "the sensor does not come out of reset: power it off and on")             \
     X(GC_E_CONFIG_REFUSED, -5, "config_refused", "the sensor did not keep its settings: power it off and on")            \
     X(GC_E_CONFIG_LOST, -6, "config_lost", "the sensor lost its settings: check its supply for brown-outs")              \

@@ -79,7 +79,8 @@ static bool is_finite(double x) {
 static bool numbers_are_finite(const gc_calibration_t *c) {
     const unsigned n = n_parameters(c);
     bool finite = is_finite((double)c->white_sd_dps) && is_finite((double)c->ou_sd_dps) && is_finite((double)c->ou_tau_s) &&
-                  is_finite((double)c->rate_hz) && is_finite((double)c->table_dps);
+                  is_finite((double)c->rate_hz) && is_finite((double)c->table_dps) && is_finite((double)c->fitted_temp_c.min) &&
+                  is_finite((double)c->fitted_temp_c.max);
     for (unsigned i = 0; c->columns != NULL && i < c->n_run_columns + c->n_shared_columns; i++) {
         for (unsigned k = 0; k < GC_EFFECT_ARGS; k++) {
             finite = finite && is_finite((double)c->columns[i].arg[k]);
@@ -211,9 +212,11 @@ void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_
     e->block_n++;
     e->block_y += measured_dps - w_dps;
     e->block_w += w_dps;
+    gc_effect_input_t within = *in;
+    within.temp_c = gc_span_clamp(&e->calibration->fitted_temp_c, in->temp_c);
     for (unsigned j = 0; j < e->calibration->n_run_columns + e->calibration->n_shared_columns; j++) {
         const gc_effect_column_t *column = &e->calibration->columns[j];
-        e->block_x[j] += (double)column->column(in, column->arg);
+        e->block_x[j] += (double)column->column(&within, column->arg);
     }
 }
 

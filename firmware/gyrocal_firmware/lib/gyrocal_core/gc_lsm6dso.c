@@ -12,6 +12,10 @@ static const gc_range_t ranges[] = {
     {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C},
 };
 
+static const gc_range_t dsr_ranges[] = {
+    {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C}, {4000.0, 0.140, 0x01},
+};
+
 static int16_t word(const uint8_t *data) {
     return (int16_t)((data[1] & 0x80u ? -0x8000 : 0) + ((data[1] & 0x7F) << 8 | data[0]));
 }
@@ -34,9 +38,38 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     return GC_OK;
 }
 
+/* There is no I3C master, and the interface would take noise for its start condition. */
+static int disable_i3c(gc_sensor_t *imu) {
+    uint8_t ctrl9 = 0;
+    if ((imu->part->traits & GC_LSM6_HAS_I3C) == 0u) {
+        return GC_OK;
+    }
+    const int error = gc_sensor_read_regs(imu, GC_LSM6DSO_CTRL9_XL, &ctrl9, 1);
+    return error != GC_OK ? error
+                          : gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
+}
+
+/* Another program may have left the bank of the embedded functions selected, where WHO_AM_I cannot be read. */
+static int identify(gc_sensor_t *imu) {
+    uint8_t id = 0;
+    int error = gc_sensor_write_reg(imu, GC_LSM6DSO_FUNC_CFG_ACCESS, 0);
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_LSM6DSO_WHO_AM_I, &id, 1);
+    }
+    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+}
+
+/* A part whose INT1 is high at a reset may take its bus for I3C and not answer until power-off. Data that nobody has read keep
+   INT1 high, so the pin is released first. The reset itself enables I3C again. */
 static int reset(gc_sensor_t *imu) {
     const gc_port_t *port = imu->port;
-    int error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL3_C, GC_LSM6DSO_CTRL3_SW_RESET | GC_LSM6DSO_CTRL3_IF_INC);
+    int error = gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, 0);
+    if (error == GC_OK) {
+        error = disable_i3c(imu);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL3_C, GC_LSM6DSO_CTRL3_SW_RESET | GC_LSM6DSO_CTRL3_IF_INC);
+    }
     const uint64_t start = port->now_us(port->context);
     uint8_t ctrl3 = GC_LSM6DSO_CTRL3_SW_RESET;
     while (error == GC_OK && (ctrl3 & GC_LSM6DSO_CTRL3_SW_RESET)) {
@@ -47,7 +80,22 @@ static int reset(gc_sensor_t *imu) {
         port->wait_until_us(port->context, now + 50u);
         error = gc_sensor_read_regs(imu, GC_LSM6DSO_CTRL3_C, &ctrl3, 1);
     }
+    return error == GC_OK ? disable_i3c(imu) : error;
+}
+
+static int read_period(gc_sensor_t *imu) {
+    uint8_t freq_fine = 0;
+    const bool has_it = (imu->part->traits & GC_LSM6_HAS_FREQ_FINE) != 0u;
+    const int error = has_it ? gc_sensor_read_regs(imu, GC_LSM6DSO_FREQ_FINE, &freq_fine, 1) : GC_OK;
+    const int faster = freq_fine < 128u ? freq_fine : freq_fine - 256;
+    const double true_hz = GC_LSM6DSO_ROOT_HZ / (double)(1u << (GC_LSM6DSO_ROOT_CODE - imu->odr->code)); /* 12.5 stands for 13.02 */
+    imu->period_us = 1e6 / (true_hz * (1.0 + GC_LSM6DSO_FREQ_FINE_LSB * faster));
     return error;
+}
+
+/* The pin drives what is wired to it only where a port waits for it. */
+static int route_int1(gc_sensor_t *imu, uint8_t source) {
+    return imu->port->wait_ready_us != NULL ? gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, source) : GC_OK;
 }
 
 static int set_up(gc_sensor_t *imu) {
@@ -58,30 +106,15 @@ static int set_up(gc_sensor_t *imu) {
     imu->written[2] = GC_LSM6DSO_CTRL3_BDU | GC_LSM6DSO_CTRL3_IF_INC;
 
     port->wait_until_us(port->context, port->now_us(port->context) + GC_LSM6DSO_BOOT_US);
-    uint8_t id = 0;
-    int error = gc_sensor_read_regs(imu, GC_LSM6DSO_WHO_AM_I, &id, 1);
-    if (error == GC_OK && id != GC_LSM6DSO_ID) {
-        error = GC_E_WRONG_ID;
-    }
+    int error = identify(imu);
     if (error == GC_OK) {
         error = reset(imu);
     }
-    uint8_t ctrl9 = 0;
-    uint8_t freq_fine = 0;
     if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_CTRL9_XL, &ctrl9, 1);
+        error = read_period(imu);
     }
     if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_FREQ_FINE, &freq_fine, 1);
-    }
-    const int faster = freq_fine < 128u ? freq_fine : freq_fine - 256;
-    const double true_hz = GC_LSM6DSO_ROOT_HZ / (double)(1u << (GC_LSM6DSO_ROOT_CODE - imu->odr->code)); /* 12.5 stands for 13.02 */
-    imu->period_us = 1e6 / (true_hz * (1.0 + GC_LSM6DSO_FREQ_FINE_LSB * faster));
-    if (error == GC_OK) { /* there is no I3C master, and the interface would take noise for its start condition */
-        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, GC_LSM6DSO_INT1_DRDY_G);
+        error = route_int1(imu, GC_LSM6DSO_INT1_DRDY_G);
     }
     const uint8_t order[] = {2, 0, 1}; /* BDU comes first, so that no word is read in two halves */
     for (size_t i = 0; i < sizeof order && error == GC_OK; i++) {
@@ -138,7 +171,7 @@ static int fifo_restart(gc_sensor_t *imu) {
 }
 
 static int fifo_begin(gc_sensor_t *imu) {
-    const int error = gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, GC_LSM6DSO_INT1_FIFO_TH);
+    const int error = route_int1(imu, GC_LSM6DSO_INT1_FIFO_TH);
     return error == GC_OK ? fifo_restart(imu) : error;
 }
 
@@ -216,23 +249,42 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
     return take_words(imu, words, batch);
 }
 
+/* The part's table of ranges; what the parts with a FIFO of tagged words have; what all of the family have. */
+#define WITH_RANGES(table) .range = (table), .ranges = sizeof(table) / sizeof(table)[0]
+/* Samples of at most three words: a quarter of the FIFO is left for delays. */
+#define WITH_FIFO                                                                                                        \
+    .traits = GC_LSM6_HAS_I3C | GC_LSM6_HAS_FREQ_FINE, .batch_max = 128, .fifo_begin = fifo_begin, .fifo_read = fifo_read
+#define ALIKE                                                                                                            \
+    .address = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW}, .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0],          \
+    .polled_from_hz = 416.0, .watched_reg = GC_LSM6DSO_CTRL1_XL, .watched = CTRL_REGS, .identify = identify,             \
+    .set_up = set_up, .ready = ready, .read = burst
+
 const gc_part_t gc_lsm6dso = {
-    .name = "LSM6DSO",
+    .name = "LSM6DSO", .id = GC_LSM6DSO_ID,
     .lsb_g = 0.000061, /* at 2 g */
     .lsb_c = 1.0 / 256.0,
     .noise_dps = 0.0448, /* 3.8 mdps/sqrt(Hz) within the filter of 416 Hz */
     .zero_c = 25.0,
-    .odr = odrs,
-    .odrs = sizeof odrs / sizeof odrs[0],
-    .polled_from_hz = 416.0,
-    .range = ranges,
-    .ranges = sizeof ranges / sizeof ranges[0],
-    .watched_reg = GC_LSM6DSO_CTRL1_XL,
-    .watched = CTRL_REGS,
-    .batch_max = 128, /* samples of at most three words: a quarter of the FIFO is left for delays */
-    .set_up = set_up,
-    .ready = ready,
-    .read = burst,
-    .fifo_begin = fifo_begin,
-    .fifo_read = fifo_read,
+    WITH_RANGES(ranges), WITH_FIFO, ALIKE,
+};
+const gc_part_t gc_lsm6dsox = {
+    .name = "LSM6DSOX", .id = GC_LSM6DSO_ID, .lsb_g = 0.000061, .lsb_c = 1.0 / 256.0, .noise_dps = 0.0448, .zero_c = 25.0,
+    WITH_RANGES(ranges), WITH_FIFO, ALIKE,
+};
+const gc_part_t gc_lsm6dso32 = {
+    .name = "LSM6DSO32", .id = GC_LSM6DSO_ID, .lsb_g = 0.000122, .lsb_c = 1.0 / 256.0, .noise_dps = 0.0448, .zero_c = 25.0,
+    WITH_RANGES(ranges), WITH_FIFO, ALIKE,
+};
+/* The density of its noise, 5 mdps/sqrt(Hz), and that of the two below, 5 and 7, are those of their datasheets. */
+const gc_part_t gc_lsm6dsr = {
+    .name = "LSM6DSR", .id = GC_LSM6DSR_ID, .lsb_g = 0.000061, .lsb_c = 1.0 / 256.0, .noise_dps = 0.059, .zero_c = 25.0,
+    WITH_RANGES(dsr_ranges), WITH_FIFO, ALIKE,
+};
+const gc_part_t gc_lsm6ds3trc = {
+    .name = "LSM6DS3TR-C", .id = GC_LSM6DS3TRC_ID, .lsb_g = 0.000061, .lsb_c = 1.0 / 256.0, .noise_dps = 0.059, .zero_c = 25.0,
+    WITH_RANGES(ranges), ALIKE,
+};
+const gc_part_t gc_lsm6ds3 = {
+    .name = "LSM6DS3", .id = GC_LSM6DS3_ID, .lsb_g = 0.000061, .lsb_c = 1.0 / 16.0, .noise_dps = 0.083, .zero_c = 25.0,
+    WITH_RANGES(ranges), ALIKE,
 };

@@ -1,4 +1,13 @@
-/* Driver of ST's LSM6DSO gyroscope and accelerometer. Registers and figures: datasheet DS12140, application note AN5192. */
+/* Driver of ST's LSM6DSO gyroscope and accelerometer and of its relatives. Registers and figures of the LSM6DSO: datasheet DS12140,
+ * application note AN5192. The others as far as they differ:
+ *
+ *     LSM6DSOX     as the LSM6DSO, with the same id
+ *     LSM6DSO32    the same id, but its least accelerometer range is 4 g: STMicroelectronics/lsm6dso32-pid, lsm6dso32_reg.c, 06a75681
+ *     LSM6DSR      id, 4000 dps in bit 0 of CTRL2_G: STMicroelectronics/lsm6dsr-pid, lsm6dsr_reg.h, 2f412a46
+ *     LSM6DS3TR-C  (LSM6DSL, LSM6DSM) id, no I3C, no INTERNAL_FREQ_FINE, a FIFO of another kind that this driver does not use:
+ *                  STMicroelectronics/lsm6ds3tr-c-pid, lsm6ds3tr-c_reg.h, 39233342
+ *     LSM6DS3      id, likewise, and 16 counts a degree: STMicroelectronics/lsm6ds3-pid, lsm6ds3_reg.c, 13df2967
+ */
 #ifndef GC_LSM6DSO_H
 #define GC_LSM6DSO_H
 
@@ -11,6 +20,7 @@ extern "C" {
 #define GC_LSM6DSO_ADDRESS 0x6B     /* SDO/SA0 high, as on SparkFun's boards */
 #define GC_LSM6DSO_ADDRESS_LOW 0x6A /* SDO/SA0 low */
 
+#define GC_LSM6DSO_FUNC_CFG_ACCESS 0x01
 #define GC_LSM6DSO_FIFO_CTRL1 0x07
 #define GC_LSM6DSO_INT1_CTRL 0x0D
 #define GC_LSM6DSO_CTRL1_XL 0x10
@@ -24,7 +34,14 @@ extern "C" {
 #define GC_LSM6DSO_FREQ_FINE 0x63
 #define GC_LSM6DSO_FIFO_DATA_OUT_TAG 0x78
 
-#define GC_LSM6DSO_ID 0x6C /* of the LSM6DSOX and LSM6DSO32 too */
+#define GC_LSM6DSO_ID 0x6C
+#define GC_LSM6DSR_ID 0x6B
+#define GC_LSM6DS3TRC_ID 0x6A
+#define GC_LSM6DS3_ID 0x69
+
+#define GC_LSM6_HAS_I3C 1u       /* traits */
+#define GC_LSM6_HAS_FREQ_FINE 2u
+
 #define GC_LSM6DSO_INT1_DRDY_G 0x02u /* the pin says when the gyroscope has new data */
 #define GC_LSM6DSO_INT1_FIFO_TH 0x08u /* the pin says when the FIFO holds as much as its watermark */
 #define GC_LSM6DSO_CTRL3_BDU 0x40u
@@ -53,7 +70,7 @@ extern "C" {
 #define GC_LSM6DSO_ROOT_CODE 10u
 #define GC_LSM6DSO_FREQ_FINE_LSB 0.0015 /* deviation of the part's own clock from nominal, as measured by the maker */
 
-extern const gc_part_t gc_lsm6dso;
+extern const gc_part_t gc_lsm6dso, gc_lsm6dsox, gc_lsm6dso32, gc_lsm6dsr, gc_lsm6ds3trc, gc_lsm6ds3;
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
 #ifndef GC_PORT_H
 #define GC_PORT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -23,8 +24,11 @@ typedef struct {
     void (*wait_until_us)(void *context, uint64_t t_us);
     /* Optional: returns when the next sample should be read, at due_us unless the port knows better. NULL: wait_until_us. */
     void (*wait_sample_us)(void *context, uint64_t due_us);
-    /* Optional, where the sensor's INT1 is wired: returns when it is high, at deadline_us at the latest. */
-    void (*wait_ready_us)(void *context, uint64_t deadline_us);
+    /* Optional: when the last transfer got the bus, for which it may have waited. NULL: no transfer waits. */
+    uint64_t (*bus_us)(void *context);
+    /* Optional, where the sensor's interrupt pin is wired: returns when it is high, at deadline_us at the latest. The result is
+       the time at which it last rose, or 0 if the port does not know. */
+    uint64_t (*wait_ready_us)(void *context, uint64_t deadline_us);
 
     /* Takes all n bytes and returns n, or takes none and returns anything else: it must not block sampling. */
     int (*send)(void *context, const char *data, size_t n);
@@ -32,6 +36,11 @@ typedef struct {
     /* Optional: keep data over power-off. Return 0, or the number of bytes loaded; negative on error. */
     int (*store)(void *context, const char *key, const void *data, size_t n);
     int (*load)(void *context, const char *key, void *data, size_t n);
+    /* Optional: returns false while a store would stall another device of the board. The core then asks again. */
+    bool (*may_store)(void *context);
+
+    /* Optional: the least memory that has been free since power-on, in all and on the stack of the calling task, bytes. */
+    void (*least_free)(void *context, uint32_t *heap_bytes, uint32_t *stack_bytes);
 
     /* Optional: shows the state of the device. */
     void (*led)(void *context, gc_led_t state);

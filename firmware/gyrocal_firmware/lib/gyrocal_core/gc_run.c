@@ -205,9 +205,9 @@ void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t 
     gc_sentence_t *s = gc_tell_begin(teller, "RUN");
     gc_sentence_text(s, "state", ended ? "end" : "start");
     gc_sentence_text(s, "face", gc_face_name(run->face));
-    gc_settings_field(s, &run->settings, GC_SETTING_AXIS);
-    gc_settings_field(s, &run->settings, GC_SETTING_TABLE_DPS);
-    gc_settings_field(s, &run->settings, GC_SETTING_TURN_DEG);
+    gc_settings_field(s, &run->settings, GC_SETTING_AXIS, NULL);
+    gc_settings_field(s, &run->settings, GC_SETTING_TABLE_DPS, NULL);
+    gc_settings_field(s, &run->settings, GC_SETTING_TURN_DEG, NULL);
     gc_sentence_uint(s, "n", run->n);
     gc_sentence_uint(s, "first", run->first);
     if (run->n > 0u) {

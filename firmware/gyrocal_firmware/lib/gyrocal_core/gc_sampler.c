@@ -26,7 +26,7 @@ void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settin
     sampler->address = address;
 }
 
-void gc_sampler_set_up(gc_sampler_t *sampler) {
+static int begin_sensor(gc_sampler_t *sampler) {
     const gc_settings_t *settings = sampler->settings;
     const double odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz);
     int error =
@@ -34,8 +34,17 @@ void gc_sampler_set_up(gc_sampler_t *sampler) {
     if (error == GC_OK && settings->fifo > 0.0) {
         error = gc_sensor_fifo_begin(&sampler->sensor, (unsigned)settings->fifo);
     }
+    return error;
+}
+
+void gc_sampler_set_up(gc_sampler_t *sampler) {
+    int error = begin_sensor(sampler);
+    if (sampler->parts != NULL && (error == GC_E_WRONG_ID || error == GC_E_ARGUMENT)) {
+        error = gc_part_find(sampler->parts, sampler->port, sampler->address, &sampler->part);
+        sampler->other = error == GC_OK;
+    }
     const uint64_t now = now_us(sampler);
-    sampler->ready = error == GC_OK;
+    sampler->ready = error == GC_OK && !sampler->other;
     sampler->error = GC_OK;
     sampler->good_us = now;
     sampler->epoch_us = now;
@@ -50,6 +59,10 @@ void gc_sampler_set_up(gc_sampler_t *sampler) {
 void gc_sampler_begin_anew(gc_sampler_t *sampler) {
     gc_sampler_set_up(sampler);
     sampler->sample_us = 0;
+}
+
+static bool is_polled(const gc_sampler_t *sampler) {
+    return sampler->settings->rate_hz != sampler->sensor.odr_hz;
 }
 
 /* ---- waiting ---- */
@@ -69,22 +82,29 @@ static void wait_for_tick(gc_sampler_t *sampler) {
     sampler->read_us = now_us(sampler);
 }
 
+/* The pin rises with the oldest of the data that wait, and the newest are read. */
+static uint64_t edge_or(uint64_t rose_us, uint64_t looked_us, double period_us) {
+    return rose_us > 0u && rose_us <= looked_us && (double)(looked_us - rose_us) < period_us ? rose_us : looked_us;
+}
+
 static void wait_for_data_ready(gc_sampler_t *sampler) {
     const gc_port_t *port = sampler->port;
     const double period_us = 1e6 / sampler->settings->rate_hz;
     const uint64_t start = now_us(sampler);
+    uint64_t rose_us = 0;
     if (port->wait_ready_us != NULL) {
-        port->wait_ready_us(port->context, start + (uint64_t)(1.5 * period_us));
+        rose_us = port->wait_ready_us(port->context, start + (uint64_t)(1.5 * period_us));
     } else {
         wait_sample(sampler, start + (uint64_t)(0.5 * period_us));
     }
     for (;;) {
         const uint64_t now = now_us(sampler);
         const int ready = gc_sensor_ready(&sampler->sensor);
-        sampler->read_us = now;
+        sampler->read_us = edge_or(rose_us, sampler->sensor.looked_us, period_us);
         if (ready != 0 || (double)(now - start) > 4.0 * period_us) {
             return; /* the reading reports an error if there is one */
         }
+        rose_us = 0;
         port->wait_until_us(port->context, now + READY_POLL_US);
     }
 }
@@ -93,7 +113,7 @@ static void wait_for_batch(gc_sampler_t *sampler) {
     const gc_port_t *port = sampler->port;
     const double batch_us = sampler->settings->fifo * sampler->sensor.period_us;
     if (port->wait_ready_us != NULL) {
-        port->wait_ready_us(port->context, now_us(sampler) + (uint64_t)(1.5 * batch_us));
+        (void)port->wait_ready_us(port->context, now_us(sampler) + (uint64_t)(1.5 * batch_us));
     } else {
         wait_sample(sampler, sampler->batch.t_us + (uint64_t)batch_us);
     }
@@ -102,7 +122,7 @@ static void wait_for_batch(gc_sampler_t *sampler) {
 bool gc_sampler_wait(gc_sampler_t *sampler) {
     if (!sampler->ready) {
         sampler->port->wait_until_us(sampler->port->context, now_us(sampler) + IDLE_SLICE_US);
-        if (now_us(sampler) >= sampler->retry_us) {
+        if (now_us(sampler) >= sampler->retry_us && !sampler->other) {
             gc_sampler_set_up(sampler);
             sampler->resets++;
         }
@@ -110,7 +130,7 @@ bool gc_sampler_wait(gc_sampler_t *sampler) {
     }
     if (sampler->settings->fifo > 0.0) {
         wait_for_batch(sampler);
-    } else if (sampler->settings->rate_hz != sampler->sensor.odr_hz) {
+    } else if (is_polled(sampler)) {
         wait_for_tick(sampler);
     } else {
         wait_for_data_ready(sampler);
@@ -158,6 +178,7 @@ static void read_one(gc_sampler_t *sampler) {
     batch->left = 0;
     if (sampler->read_error == GC_OK && batch->sample[0].fresh) {
         batch->n = 1;
+        sampler->read_us = is_polled(sampler) ? sampler->sensor.looked_us : sampler->read_us;
         sampler->newest_us = (double)sampler->read_us;
     } else if (sampler->read_error == GC_OK) {
         sampler->stale++; /* a reading that was already taken is not new */

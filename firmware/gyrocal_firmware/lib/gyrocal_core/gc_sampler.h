@@ -28,6 +28,8 @@ typedef struct {
     const gc_port_t *port;
     const gc_settings_t *settings;
     const gc_part_t *part;
+    const gc_part_t *const *parts; /* the part may be any of these; NULL = it is known */
+    bool other; /* the part is another than was thought, and nobody has checked the settings against it */
     uint8_t address;
     gc_sensor_t sensor;
     bool ready;        /* the sensor is set up */
@@ -55,7 +57,8 @@ typedef struct {
 /* Initialises the sampler without setting up the sensor. The settings must outlive it. */
 void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
                      uint8_t address);
-/* Sets the sensor up as the settings say. A failure is reported, and the set-up is tried again after a second. */
+/* Sets the sensor up as the settings say. A failure is reported, and the set-up is tried again after a second. If another part of
+   the list answers, the result is that part and `other`; the caller makes the settings fit and sets it up. */
 void gc_sampler_set_up(gc_sampler_t *sampler);
 /* Starts timing anew after a change of settings: the time since the last sample no longer counts. */
 void gc_sampler_begin_anew(gc_sampler_t *sampler);

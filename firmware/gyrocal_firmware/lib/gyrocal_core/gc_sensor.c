@@ -43,6 +43,31 @@ bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps) {
     return range_of(part, full_scale_dps) != NULL;
 }
 
+bool gc_part_may_be_at(const gc_part_t *part, uint8_t address) {
+    return part->address[0] == address || part->address[1] == address;
+}
+
+const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address) {
+    while (*parts != NULL && !gc_part_may_be_at(*parts, address)) {
+        parts++;
+    }
+    return *parts;
+}
+
+int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found) {
+    int result = GC_E_WRONG_ID;
+    for (; *parts != NULL; parts++) {
+        gc_sensor_t sensor = {.part = *parts, .port = port, .address = address};
+        const int error = gc_part_may_be_at(*parts, address) ? (*parts)->identify(&sensor) : GC_E_WRONG_ID;
+        if (error == GC_OK) {
+            *found = *parts;
+            return GC_OK;
+        }
+        result = error == GC_E_WRONG_ID ? result : error;
+    }
+    return result;
+}
+
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n) {
     return n == 0u ? NAN : part->zero_c + part->lsb_c * (double)sum / (double)n;
 }
@@ -83,6 +108,7 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     sensor->odr_hz = odr_hz;
     sensor->full_scale_dps = full_scale_dps;
     sensor->lsb_dps = range->lsb_dps;
+    sensor->data_wait = false;
     const int error = part->set_up(sensor);
     sensor->batch = 0;
     sensor->config_checked_us = port->now_us(port->context);
@@ -109,7 +135,11 @@ static int check_now_and_then(gc_sensor_t *sensor, uint64_t now_us) {
 }
 
 int gc_sensor_ready(gc_sensor_t *sensor) {
-    return sensor->part->ready(sensor);
+    const gc_port_t *port = sensor->port;
+    const uint64_t now_us = port->now_us(port->context);
+    const int ready = sensor->part->ready(sensor);
+    sensor->looked_us = port->bus_us != NULL ? port->bus_us(port->context) : now_us;
+    return ready;
 }
 
 int gc_sensor_read(gc_sensor_t *sensor, gc_sample_t *sample) {

@@ -1,4 +1,5 @@
-/* The interface to a sensor. A driver fills one gc_part_t; nothing else in the core names the part. */
+/* The interface to a sensor. A driver fills a gc_part_t for each part of its family; the core names parts nowhere else but in the
+   list gc_parts.h. */
 #ifndef GC_SENSOR_H
 #define GC_SENSOR_H
 
@@ -13,7 +14,7 @@ extern "C" {
 #endif
 
 #define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
-#define GC_WATCHED_MAX 4u  /* registers */
+#define GC_WATCHED_MAX 5u  /* registers */
 #define GC_SENSOR_CONFIG_CHECK_US 500000u
 
 /* A reading in raw counts. */
@@ -50,6 +51,9 @@ typedef struct gc_sensor gc_sensor_t;
 /* A kind of sensor. The functions return GC_OK or an error of gc_error.h. */
 typedef struct {
     const char *name;
+    uint8_t address[2]; /* on the bus, by a pin of the part; the first is the usual one */
+    uint8_t id;         /* what its register WHO_AM_I holds; some parts share one */
+    uint8_t traits;     /* the driver's own: in what the parts of its family differ */
     double lsb_g, lsb_c;
     double noise_dps; /* typical standard deviation of one reading */
     double zero_c; /* temperature = zero_c + lsb_c * counts */
@@ -62,7 +66,9 @@ typedef struct {
     uint8_t watched;     /* how many there are */
     unsigned batch_max;  /* largest batch of the FIFO in samples; 0 = the part has no FIFO */
 
-    /* Resets and configures the part, and waits until its readings can be used. Sets period_us and written. */
+    /* Returns GC_E_WRONG_ID if another part answers. Changes nothing else of any part. */
+    int (*identify)(gc_sensor_t *sensor);
+    /* Identifies, resets and configures the part, and waits until its readings can be used. Sets period_us and written. */
     int (*set_up)(gc_sensor_t *sensor);
     /* Returns 1 if new gyroscope data wait, 0 if none do, negative on error. */
     int (*ready)(gc_sensor_t *sensor);
@@ -85,8 +91,10 @@ struct gc_sensor {
     double lsb_dps;
     uint8_t written[GC_WATCHED_MAX]; /* values written to the watched registers */
     uint64_t config_checked_us;
+    uint64_t looked_us; /* when the bus was last asked whether data are ready */
     uint64_t fresh_us; /* when data were last ready */
     unsigned batch;    /* samples between two readings of the FIFO; 0 = it is not used */
+    bool data_wait;    /* a look has cleared the flag of data that were not read since; for parts whose flag a look clears */
     bool fifo_broken;  /* the FIFO must be started again */
     gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
     uint8_t partial_slot, partial_has; /* number of the slot, and the words of it that have come */
@@ -96,11 +104,17 @@ struct gc_sensor {
    polled_from_hz on that is a fifth above it, or 0 if there is none. */
 double gc_part_odr_for(const gc_part_t *part, double rate_hz);
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
+bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
+/* Returns the first part of a list, which ends with NULL, that may have the address; NULL if there is none. */
+const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address);
+/* Asks the part at the address which of a list it is. Returns GC_OK, GC_E_WRONG_ID (it is none of them) or an error of the bus. */
+int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found);
 
 /* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
    do not allow. */
 int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
                    double full_scale_dps);
+/* Returns 1 if new data wait, 0 if none do, negative on error. */
 int gc_sensor_ready(gc_sensor_t *sensor);
 /* Reads the flag and, where it is set, the sample. Every 0.5 s, and when data stay away, also checks that the part still has its
    settings. Errors: those of the bus, GC_E_CONFIG_LOST (call init again), GC_E_STALE (no data for three output periods). */

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define KEY "settings"
-#define VERSION 3u /* version of the layout of gc_settings_t */
+#define VERSION 4u /* version of the layout of gc_settings_t */
 /* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 ms and the look at the flag 0.1 ms, and a
    tenth of the samples at 1666 Hz was lost. */
 #define SINGLE_BELOW_HZ 1666.0
@@ -14,6 +14,7 @@
 
 static const char *const axes[] = {"x", "y", "z", NULL};
 static const char *const switches[] = {"off", "on", NULL};
+static const char *const by_id[] = {"auto", NULL}; /* the names of parts follow */
 
 /* A setting is a number within a range, or one of some words; its field is a double or an int32_t accordingly. */
 static const struct {
@@ -32,6 +33,7 @@ static const struct {
     [GC_SETTING_FIFO] = {.name = "fifo", .field = offsetof(gc_settings_t, fifo), .most = GC_BATCH_MAX, .whole = true},
     [GC_SETTING_AXIS] = {.name = "axis", .field = offsetof(gc_settings_t, axis), .most = 2.0, .words = axes},
     [GC_SETTING_AUTO] = {.name = "auto", .field = offsetof(gc_settings_t, automatic), .most = 1.0, .words = switches},
+    [GC_SETTING_SENSOR] = {.name = "sensor", .field = offsetof(gc_settings_t, sensor), .most = 255.0, .words = by_id},
 };
 
 static double *number(gc_settings_t *settings, gc_setting_t row) {
@@ -69,10 +71,18 @@ gc_setting_t gc_settings_find(gc_text_t name) {
     return (gc_setting_t)row;
 }
 
-int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word) {
+/* Word i of a row that has words, or NULL after the last one. */
+static const char *word_of(gc_setting_t row, int32_t i, const gc_part_t *const *parts) {
+    if (row != GC_SETTING_SENSOR || i == 0) {
+        return table[row].words[i];
+    }
+    return parts != NULL && parts[i - 1] != NULL ? parts[i - 1]->name : NULL;
+}
+
+int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word, const gc_part_t *const *parts) {
     if (table[row].words != NULL) {
-        for (int32_t i = 0; table[row].words[i] != NULL; i++) {
-            if (gc_text_equals(word, table[row].words[i])) {
+        for (int32_t i = 0; word_of(row, i, parts) != NULL; i++) {
+            if (gc_text_equals(word, word_of(row, i, parts))) {
                 *choice(settings, row) = i;
                 return GC_OK;
             }
@@ -86,27 +96,35 @@ int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word)
     return gc_parse_real(word.text, word.n, number(settings, row));
 }
 
-void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row) {
+void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row, const gc_part_t *const *parts) {
     const double value = value_of(settings, row);
     if (table[row].words != NULL) {
-        gc_sentence_text(s, table[row].name, table[row].words[(int32_t)value]);
+        gc_sentence_text(s, table[row].name, word_of(row, (int32_t)value, parts));
     } else {
         gc_sentence_real(s, table[row].name, value);
     }
 }
 
-int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
+const gc_part_t *gc_settings_part(const gc_settings_t *settings, const gc_part_t *const *parts) {
+    return parts != NULL && settings->sensor > 0 ? parts[settings->sensor - 1] : NULL;
+}
+
+static bool within_ranges(const gc_settings_t *settings) {
     for (unsigned row = 0; row < GC_SETTINGS; row++) {
         const double value = value_of(settings, (gc_setting_t)row);
         const bool known = value == value;
         const bool whole = !table[row].whole || value == floor(value);
         const bool within = value >= table[row].least && value <= table[row].most && whole;
         if (known ? !within : table[row].none == NULL) {
-            return GC_E_ARGUMENT;
+            return false;
         }
     }
+    return true;
+}
+
+int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
     const double odr_hz = gc_part_odr_for(part, settings->rate_hz);
-    if (!(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) || settings->fifo > part->batch_max ||
+    if (!within_ranges(settings) || !(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) || settings->fifo > part->batch_max ||
         settings->fifo > FIFO_LONGEST_S * settings->rate_hz) {
         return GC_E_ARGUMENT;
     }
@@ -116,10 +134,18 @@ int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
     return odr_hz == settings->rate_hz ? GC_OK : GC_E_FIFO_RATE;
 }
 
-void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part) {
+static bool names_a_part(const gc_settings_t *settings, const gc_part_t *const *parts) {
+    int32_t n = 0;
+    while (parts != NULL && parts[n] != NULL) {
+        n++;
+    }
+    return settings->sensor <= n;
+}
+
+void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *const *parts) {
     const gc_settings_t before = settings->now;
-    if (gc_store_load(port, KEY, VERSION, &settings->record, sizeof *settings) != GC_OK ||
-        gc_settings_check(&settings->now, part) != GC_OK) {
+    if (gc_store_load(port, KEY, VERSION, &settings->record, sizeof *settings) != GC_OK || !within_ranges(&settings->now) ||
+        !names_a_part(&settings->now, parts)) {
         settings->now = before;
     }
 }

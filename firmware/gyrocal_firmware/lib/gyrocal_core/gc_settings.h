@@ -20,6 +20,8 @@ typedef struct {
     double fifo;      /* samples taken at once out of the sensor's FIFO; 0 = each as it comes */
     int32_t axis;     /* 0 x, 1 y, 2 z */
     int32_t automatic;
+    int32_t sensor;   /* number of the part in the device's list, counted from 1; 0 = the one that its id tells */
+    int32_t reserved;
 } gc_settings_t;
 
 /* The settings as they are kept over power-off. */
@@ -37,6 +39,7 @@ typedef enum {
     GC_SETTING_FIFO,
     GC_SETTING_AXIS,
     GC_SETTING_AUTO,
+    GC_SETTING_SENSOR,
     GC_SETTINGS
 } gc_setting_t;
 
@@ -44,15 +47,19 @@ typedef enum {
 void gc_settings_default(gc_settings_t *settings, const gc_calibration_t *calibration);
 /* Returns the row of a name, or GC_SETTINGS for an unknown one. */
 gc_setting_t gc_settings_find(gc_text_t name);
-/* Sets a value from a word without checking its range. Returns GC_E_NUMBER or GC_E_ARGUMENT if the word is no such value. */
-int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word);
+/* Sets a value from a word without checking its range. Returns GC_E_NUMBER or GC_E_ARGUMENT if the word is no such value. `parts`
+   is the list of the device, which ends with NULL; NULL = it has none. */
+int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word, const gc_part_t *const *parts);
 /* Adds name=value. */
-void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row);
+void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row, const gc_part_t *const *parts);
+/* Returns the part that was set, or NULL if its id tells. */
+const gc_part_t *gc_settings_part(const gc_settings_t *settings, const gc_part_t *const *parts);
 /* Checks the table's ranges and the abilities of the part. Returns GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE or GC_E_FIFO_NEEDED. */
 int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part);
 
-/* Loads the settings that were kept if they pass the check; otherwise leaves them as they are. */
-void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part);
+/* Loads the settings that were kept, whatever the part is that they were made for. Leaves them as they are if there are none, or if
+   they name a part that the list does not have. */
+void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *const *parts);
 /* Returns GC_E_STORE if the board has a store and it failed. */
 int gc_settings_save(gc_kept_settings_t *settings, const gc_port_t *port);
 

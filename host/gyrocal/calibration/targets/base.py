@@ -7,9 +7,11 @@ import math
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from gyrocal.calibration.vehicle import Vehicle, existing_of
 from gyrocal.effects.quantities import REFERENCE_C
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -36,8 +38,16 @@ def targets() -> list[str]:
     return sorted(info.name.rstrip("_") for info in pkgutil.iter_modules(folder) if info.name != "base")
 
 
-def render(name: str, model: Model, rate_hz: float | None = None) -> Rendered:
-    """A model as a target's file. Raises InputError for an unknown target, a model without values, or a missing rate."""
+def render(
+    name: str, model: Model, rate_hz: float | None = None, *, device_id: int | None = None, index: int | None = None,
+    add_to: str | Path | None = None,
+) -> Rendered:  # fmt: skip
+    """A model as a target's file.
+
+    ``device_id`` and ``index`` name the gyroscope among those of a vehicle, and ``add_to`` is a file with the vehicle's
+    parameters, to which a model of readings that they have corrected is added. Raises InputError for an unknown target, a model
+    without values, what the target needs and is not given, and what it cannot use.
+    """
     if name not in targets():
         raise InputError(f"--format {name}: there are header, {', '.join(targets())}")
     if not any(term.values for term in model.terms):
@@ -49,6 +59,12 @@ def render(name: str, model: Model, rate_hz: float | None = None) -> Rendered:
         found = importlib.import_module(module)
     except ModuleNotFoundError:
         found = importlib.import_module(f"{module}_")
+    if hasattr(found, "AUTOPILOT"):
+        vehicle = Vehicle(device_id, index, existing_of(model, found.AUTOPILOT, add_to))
+        of_vehicle: Rendered = found.render(model, vehicle)
+        return of_vehicle
+    if (device_id, index, add_to) != (None, None, None):
+        raise InputError(f"--format {name}: --device-id, --index and --add-to are for px4 and ardupilot")
     rendered: Rendered = found.render(model, rate_hz)
     return rendered
 
@@ -98,8 +114,17 @@ def bias_polynomial(model: Model, axis: str, at_c: float) -> list[float]:
     """Coefficients of the bias over temperature, dps/degC^k for k = 0 to 3, in powers of the temperature above ``at_c``."""
     names = ("k1_dps_per_c", "k2_dps_per_c2", "k3_dps_per_c3")
     about_reference = [model.value("bias", axis, "bias_dps"), *(model.value("bias_temperature", axis, n) for n in names)]
-    shifted = np.polynomial.Polynomial(about_reference)(np.polynomial.Polynomial([at_c - REFERENCE_C, 1.0]))
-    return [float(c) for c in np.pad(shifted.coef, (0, ORDERS - shifted.coef.size))]
+    return coefficients(np.polynomial.Polynomial(about_reference)(np.polynomial.Polynomial([at_c - REFERENCE_C, 1.0])))
+
+
+def coefficients(cubic: np.polynomial.Polynomial) -> list[float]:
+    """The four coefficients of a cubic; numpy leaves out those of the highest powers where they are zero."""
+    return [float(c) for c in np.pad(cubic.coef, (0, ORDERS - cubic.coef.size))]
+
+
+def has_thermal_bias(model: Model) -> bool:
+    """True if the model knows how the bias changes with temperature."""
+    return any(t.values for t in model.terms if t.effect_id == "bias_temperature")
 
 
 def needs_rate(rate_hz: float | None, target: str) -> float:

@@ -8,9 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gyrocal import __version__
-from gyrocal.calibration.header import c_arguments, c_double, c_text
+from gyrocal.calibration.beyond import limits
+from gyrocal.calibration.header import c_arguments, c_double, c_field, c_span, c_text
 from gyrocal.calibration.targets.base import Rendered, bias_dps, left_of, response
 from gyrocal.effects.base import Role
+from gyrocal.error_model.fitted_on import ACCELERATIONS, RATES
 from gyrocal.error_model.model import Model, Term
 from gyrocal.recording.session import AXES
 
@@ -27,7 +29,7 @@ TEMPLATE = """\
     .name = "{name}",
     .axis = {{
 {axes}    }},
-}};
+{fitted}}};
 
 #endif
 """
@@ -56,6 +58,7 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
         tables="".join(_tables(axis, columns[axis]) for axis in AXES if columns[axis]),
         axes="".join(_axis(a, list(gain), bias, a if a in about or not about else about[0], len(columns[a]))
                      for a, gain, bias in rows),
+        fitted=_fitted(model),
     )  # fmt: skip
     return Rendered("correction.h", text, _left(model, held))
 
@@ -79,6 +82,18 @@ def _axis(axis: str, gain: list[float], bias: float, about: str, columns: int) -
     tables = f"gyrocal_columns_{axis}, gyrocal_coefficients_{axis}" if columns else "0, 0"
     gains = ", ".join(map(c_double, gain))
     return f"        {{{{{gains}}}, {c_double(bias)}, {AXES.index(about)}u, {columns}u, {tables}}},\n"
+
+
+def _fitted(model: Model) -> str:
+    """The fields of the ranges that the model was fitted on."""
+    known = limits(model)
+
+    def three(field: str, names: tuple[str, ...]) -> str:
+        ranges = ", ".join(c_span(known.get(name, (0.0, 0.0))) for name in names)
+        return f"    .{field} = {{{ranges}}},\n" if set(names) & set(known) else ""
+
+    temperature = c_field("fitted_temp_c", model.fitted_on.temp_c)
+    return temperature + three("fitted_rate_dps", RATES) + three("fitted_acc_g", ACCELERATIONS)
 
 
 def _left(model: Model, held: list[Term]) -> dict[str, str]:

@@ -25,7 +25,8 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
     white = {axis: noise.white_sd_dps for axis, noise in model.noise.items() if noise.white_sd_dps is not None}
     content = {
         "made_by": f"gyrocal {__version__}", "name": model.name, "sample_rate_hz": rate_hz, "white_sd_dps": white,
-        "effects": lines,
+        "fitted_on": {name: list(ends) for name, ends in model.fitted_on.ranges.items()},
+        "corrected": model.fitted_on.corrected or None, "effects": lines,
     }  # fmt: skip
     return Rendered("model.json", json.dumps(content, indent=1, allow_nan=False) + "\n", {})
 

@@ -26,17 +26,19 @@ def read(
     columns: Sequence[str] | None = None,
     skip: int | None = None,
     topic: str | None = None,
+    option: str = "--",
 ) -> Source:
     """The table in a file, or in a folder that is a ROS 2 bag.
 
     ``names`` are the columns that will be asked for: a text's header is found by them. ``columns`` names all columns of a text
     without a header, ``skip`` is the number of lines above it. ``topic`` names one table of a file that holds several.
+    ``option`` is what the options begin with that an error advises, ``--ref-`` for those of the reference's file.
     """
     from gyrocal.recording.readers import arrays, parquet, rosbag, text, ulog
 
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
-            return rosbag.read(path, topic)
+            return rosbag.read(path, topic, option)
         raise InputError(f"{path}: a folder without metadata.yaml, which a ROS 2 bag has; give the file itself")
     try:
         check_not_endless(path)
@@ -45,9 +47,9 @@ def read(
         if head.startswith(LFS_POINTER):
             raise InputError(f"{path}: a pointer of Git LFS and not the file itself; fetch that by: git lfs pull")
         if rosbag.is_bag(head):
-            return rosbag.read(path, topic)
+            return rosbag.read(path, topic, option)
         if head.startswith(ulog.MAGIC):
-            return ulog.read(path, topic)
+            return ulog.read(path, topic, option)
         if head.startswith(arrays.ZIP):
             return arrays.read_npz(path)
         file: Path | io.BytesIO = path
@@ -61,7 +63,7 @@ def read(
         data = file.read_bytes() if isinstance(file, Path) else file.getvalue()
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
-    return text.read(path, data, names, columns, skip)
+    return text.read(path, data, names, columns, skip, option)
 
 
 def _unzipped(path: Path) -> bytes:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError, first_line
-from gyrocal.recording.readers.topics import chosen, needed
+from gyrocal.extras import needed
+from gyrocal.recording.readers.topics import chosen
 from gyrocal.recording.source import Source, of_arrays
 
 MAGICS = (b"#ROSBAG V2.0", b"\x89MCAP0\r\n")
@@ -21,18 +22,18 @@ def is_bag(head: bytes) -> bool:
     return head.startswith(MAGICS)
 
 
-def read(path: Path, topic: str | None) -> Source:
+def read(path: Path, topic: str | None, option: str = "--") -> Source:
     """One topic as a table: the numbers of its messages as ``field.field``, ``stamp_ns`` of their headers, ``received_ns``.
 
     Without ``topic`` the first one with messages of type sensor_msgs/Imu.
     """
-    highlevel = needed("rosbags.highlevel", "ros", path)
-    typesys = needed("rosbags.typesys", "ros", path)
+    highlevel = needed("rosbags.highlevel", "ros", f"{path}: a bag")
+    typesys = needed("rosbags.typesys", "ros", f"{path}: a bag")
     store = typesys.get_typestore(typesys.Stores.LATEST)
     try:
         with highlevel.AnyReader([path], default_typestore=store) as bag:
             types = {c.topic: c.msgtype for c in bag.connections}
-            name = chosen(path, topic, list(types), [t for t, kind in types.items() if kind == IMU])
+            name = chosen(path, topic, list(types), [t for t, kind in types.items() if kind == IMU], option)
             connections = [c for c in bag.connections if c.topic == name]
             rows = [
                 {"received_ns": stamp, **dict(_numbers(bag.deserialize(raw, c.msgtype)))}

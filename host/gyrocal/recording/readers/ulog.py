@@ -5,21 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.errors import InputError, first_line
-from gyrocal.recording.readers.topics import chosen, needed
+from gyrocal.extras import needed
+from gyrocal.recording.readers.topics import chosen
 from gyrocal.recording.source import Source, of_arrays
 
 MAGIC = b"ULog\x01\x12\x35"
-PREFERRED = ("sensor_combined", "sensor_gyro", "vehicle_imu")
+PREFERRED = ("sensor_gyro", "sensor_combined", "vehicle_angular_velocity", "vehicle_imu")
+"""The sensor's own rates before those that PX4 has corrected."""
 
 
-def read(path: Path, topic: str | None) -> Source:
+def read(path: Path, topic: str | None, option: str = "--") -> Source:
     """One topic as a table; ``topic`` is ``name`` or ``name.instance``. Without one, the first of PREFERRED that is there."""
-    pyulog = needed("pyulog", "import", path)
+    pyulog = needed("pyulog", "import", f"{path}: ULog")
     try:
         log = pyulog.ULog(str(path))
     except Exception as error:  # pyulog raises many kinds on a damaged file
         raise InputError(f"{path}: not a readable ULog: {first_line(error)}") from None
     topics = {f"{d.name}.{d.multi_id}" if d.multi_id else d.name: d for d in log.data_list}
-    name = chosen(path, topic, list(topics), [t for t in PREFERRED if t in topics])
+    name = chosen(path, topic, list(topics), [t for t in PREFERRED if t in topics], option)
     columns = {f"{name}.{field}": values for field, values in topics[name].data.items()}
     return of_arrays(path, columns, f"{path}: {name}", si=True)

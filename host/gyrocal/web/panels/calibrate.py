@@ -14,6 +14,7 @@ from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.present.tables import number, plain
 from gyrocal.web import answers, scatter
+from gyrocal.web.on_page import on_page
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.training import Training, missing
@@ -74,7 +75,7 @@ class CalibratePanel:
                 ui.label("Calibrating…" if self.bench.jobs.current else "This session gives no answer.").classes("dim")
                 return
             if not found.estimates:
-                ui.label(found.note).classes("dim")
+                ui.label(on_page(found.note)).classes("dim")
                 return
             for told in scatter.sentences(found.estimates, self.axis):
                 ui.label(told)
@@ -86,7 +87,7 @@ class CalibratePanel:
                     chart.props(f'role="img" aria-label="{drawn["title"]["text"]}"')
                 with bar:
                     tools(chart, lambda: named(self.bench, f"bias_{self.axis}"))
-            ui.label(found.note or "The model's answers are those of the model as it is now.").classes("dim small")
+            ui.label(on_page(found.note) or "The model's answers are those of the model as it is now.").classes("dim small")
             if len(found.estimates) > MOST_ROWS:
                 ui.label(f"The first {MOST_ROWS} of {len(found.estimates)}; `gyrocal calibrate` prints all.").classes(
                     "dim small"
@@ -105,8 +106,8 @@ class CalibratePanel:
         if budget is not None:
             with self.budget:
                 ui.html(f"<h2>Where the error comes from: {html.escape(budget.of)}</h2>", sanitize=False)
-                ui.label(budget.headline).classes("small")
-                ui.html(budget.table(), sanitize=False).classes("sideways")
+                ui.label(on_page(budget.headline)).classes("small")
+                ui.html(on_page(budget.table()), sanitize=False).classes("sideways")
 
     def _network(self) -> None:
         """The section about a network for the model: its training, its progress and its errors."""
@@ -232,7 +233,10 @@ class CalibratePanel:
             ui.download.content(self.bench.step.view.toml, "model.toml", "application/toml")
 
 
-def _parity(parity: dict[str, Any]) -> None:
+def _parity(parity: dict[str, Any] | None) -> None:
+    if parity is None:
+        ui.label("The network in C was not checked, which needs onnxruntime: pip install 'gyrocal[net]'").classes("small")
+        return
     with ui.row().classes("tight").style("flex-wrap: nowrap"):
         ui.element("span").classes(f"light {'good' if parity['ok'] else 'bad'}")
         agree = "agree" if parity["ok"] else "DISAGREE"

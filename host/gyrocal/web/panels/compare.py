@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.diagnosis.rate_unit import UNKNOWN
-from gyrocal.present.verdict import stands_on
+from gyrocal.present.verdict import beyond_noise, high_floor, stands_on
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
@@ -18,6 +18,7 @@ from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
 from gyrocal.web.strip import REFOCUS, strip
+from gyrocal.web.toolbar import toolbar
 from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, NOT_JUDGED, ModelView, Place, RunView
@@ -149,9 +150,12 @@ class ComparePanel:
         tone = "good" if fits else "bad"
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
             with ui.element("div"):
-                verdict = "The model fits." if fits else "The model does not fit."
+                beyond = beyond_noise(view.compared) if fits else ""
+                verdict = "The model is adequate." if fits else "The model does not fit."
+                verdict = "No test finds what the model lacks." if beyond else verdict
                 ui.label(verdict if judged else "The session's axis is not judged.").classes("big")
                 why = "What is left over is noise." if fits else "The readings contain an effect that it lacks:"
+                why = f"But more than noise is left over: an excess of {beyond}." if beyond else why
                 why = why if judged else "A warning stands against it: mend the session, or accept the warning."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
@@ -168,7 +172,7 @@ class ComparePanel:
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
             above = above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"])
-            _figures(view, tone, stands_on(view.compared) or above, judged=judged)
+            _figures(view, tone, stands_on(view.compared) or high_floor(view.compared) or above, judged=judged)
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
@@ -195,11 +199,12 @@ class ComparePanel:
 
     def _controls(self) -> None:
         assert self.bench.session is not None
-        with ui.row().classes("tight views-row"):
+        with ui.row().classes("tight views-row") as row:
             axes = AXES if self.bench.step is None else self.bench.step.view.compared["per_axis"]
             self.axis_chips = {a: chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
             self.view_chips = {n: chip(VIEWS[n][0], partial(self._choose, n)) for n in self._available()}
+        toolbar(row, "axes, and what they are drawn against")
 
     def _press(self) -> None:
         """Show which chips are pressed, and in which views the model fails."""
@@ -255,7 +260,7 @@ class ComparePanel:
 
     def _place(self, traces: Traces) -> None:
         with ui.element("div").classes("face grow over").style("padding: 6px 8px"):
-            self.frame = ui.element("div").classes("chart").props("role=img")
+            self.frame = ui.element("div").classes("chart plots").props("role=img")
             with self.frame:
                 self.chart = ui.echart(self._options(traces)).classes("chart")
             self.chart.on("chart:datazoom", self._zoomed, ["start", "end", "batch"], throttle=0.05)

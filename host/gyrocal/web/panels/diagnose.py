@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import html
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,19 +9,22 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
+from gyrocal.present.verdict import left_over
 from gyrocal.web import charts, warned
+from gyrocal.web.cards import by_hand, effect_card, grouped, not_found, together
 from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.formula_card import formula_card
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
-from gyrocal.web.models import Step, latest
+from gyrocal.web.models import latest
+from gyrocal.web.on_page import on_page
 from gyrocal.web.side_by_side import side_by_side
-from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.state import Topic
 from gyrocal.web.told import as_added
 from gyrocal.web.tools import named, tools
-from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import CALIBRATION_ERROR, evidence, held_by_hand, no_picture, not_yet, small_excess, symbols
+from gyrocal.web.try_any import try_any
+from gyrocal.web.views import DiagnosisView
+from gyrocal.web.words import CALIBRATION_ERROR, held_by_hand, not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -39,10 +40,10 @@ class DiagnosePanel:
             self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing" tabindex=0')
             with ui.element("section").classes("scroll").props('aria-label="the model and its error" tabindex=0'):
                 self.model = ui.element("div").classes("face")
-                self.hero = HeroView(tab)
                 self.fall = ui.element("div").classes("face drawn")
+                self.hero = HeroView(tab)
                 self.calibration = ui.element("div").classes("face drawn")
-        for draw in (self._cards, self._model, self.hero.draw, self._fall, self._calibration):
+        for draw in (self._cards, self._model, self._fall, self.hero.draw, self._calibration):
             draw()
 
     def hear(self, topic: Topic) -> None:
@@ -85,16 +86,16 @@ class DiagnosePanel:
             if found is None:
                 self._invite()
                 self._added()
-                self._any()
+                self.acts += try_any(self.bench)
                 return
             self._sentence(found)
             if found.verdict == "unknown":
                 self.acts += formula_card(self.bench, found)
-            shown = [c for c in found.cards if c.judged["decision"] in ("add", "suggest")]
-            for card in shown:
-                self._card(card)
-            self._rest(found)
-            self._any()
+            for cards in grouped(found.named):
+                self.acts += effect_card(self.bench, cards, self.hero.choose)
+            together(found)
+            not_found(found)
+            self.acts += try_any(self.bench)
 
     def _invite(self) -> None:
         assert self.bench.step is not None
@@ -102,13 +103,11 @@ class DiagnosePanel:
         fits, judged = compared["verdict"] == "adequate", compared["verdict"] != "implausible"
         fall = self.bench.fall()
         with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
-            verdict = "The model fits: what is left over is noise." if fits else "The model does not fit yet."
-            ui.label(verdict if judged else BLOCKED).classes("big")
+            verdict = left_over(compared, "The model is adequate") if fits else "The model does not fit yet."
+            ui.label(verdict if judged else on_page(BLOCKED)).classes("big")
             if fall is not None and fall.sentence:
                 ui.label(fall.sentence)
-            if fits:
-                self._small()
-            else:
+            if not fits:
                 self._held()
             if self._in_doubt():
                 ui.label(f"Not proven: {', '.join(self._in_doubt())}.").classes("worry")
@@ -127,16 +126,9 @@ class DiagnosePanel:
     def _sentence(self, found: DiagnosisView) -> None:
         tone = {"adequate": "good"}.get(found.verdict, "bad")
         with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
-            ui.label(found.sentence).classes("big").style("font-size: 16px")
+            ui.label(on_page(found.sentence)).classes("big").style("font-size: 16px")
             if found.verdict != "adequate":
                 self._held()
-
-    def _small(self) -> None:
-        """Why an excess that differs from zero is no misfit."""
-        assert self.bench.step is not None
-        text = small_excess(self.bench.step.view.compared["per_axis"])
-        if text:
-            ui.label(text).classes("small")
 
     def _held(self) -> None:
         """The parameters that were held by hand, which may be what does not fit."""
@@ -147,21 +139,20 @@ class DiagnosePanel:
 
     def _added(self) -> None:
         """The candidate that was added last, as the diagnosis found it."""
-        step, found = latest(self.bench.steps), self.bench.diagnosed
+        step = latest(self.bench.steps)
         if step is None:
             return
-        every = [c for c in ([] if found is None else found.cards) if c.judged["effect"] == step.effect]
-        cards = [c for c in every if c.judged["decision"] in ("add", "suggest") and c.judged["axis"] in step.axes]
-        at = self.bench.steps.index(step)
-        for card in cards:
-            self._card(as_added(card, self.bench.steps[at - 1], step), added=True)
-        others = {c.judged["axis"] for c in every if c.judged["decision"] == "add"} - step.axes
+        before = self.bench.steps[self.bench.steps.index(step) - 1]
+        cards = [as_added(card, before, step) for card in step.recipe.cards if card.judged["axis"] in step.axes]
+        for group in grouped(cards):
+            effect_card(self.bench, group, self.hero.choose, added=True)
+        others = {c.judged["axis"] for c in step.recipe.cards if c.judged["decision"] == "add"} - step.axes
         if others:
             ui.label(
                 f"It is not in the model on {', '.join(sorted(others))}, where it is not certain for itself beside the rest."
             ).classes("small")
         if not cards:
-            self._by_hand(step)
+            by_hand(self.bench, step)
 
     def _in_doubt(self) -> list[str]:
         """Titles of the effects in the model that were not proven when they were added."""
@@ -176,111 +167,6 @@ class DiagnosePanel:
             elif step.effect:
                 out[step.id] = (step.title, step.recipe.doubts)
         return out
-
-    def _card(self, card: Card, *, added: bool = False) -> None:
-        judged = card.judged
-        passed = judged["decision"] == "add"
-        alone = passed and not card.looks_like
-        proven = not card.doubts
-        word = "proven" if alone else "one of several" if passed else "a hint, not enough to be sure"
-        with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
-            with ui.element("div").classes("head"):
-                ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
-                ui.label(f"on {judged['axis']}").classes(f"axis-{judged['axis']}")
-                ui.space()
-                if added:
-                    word = "in the model now" if proven else "in the model, not proven"
-                ui.label(word).classes(f"badge {('good' if proven else 'bad') if added else 'add' if passed else ''}")
-            with ui.element("div").classes("evidenced"):
-                ui.label(card.cause).classes("small")
-                if card.picture is not None:
-                    self._thumbnail(card, card.picture)
-            if card.picture is None:
-                ui.label(no_picture(card.equation)).classes("dim small")
-            with ui.element("dl").classes("evidence").style("margin: 0"):
-                for name, text in evidence(card):
-                    ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
-                    ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
-            with ui.row().classes("tight"):
-                if not added:
-                    act = partial(self.bench.add, judged["effect"], card.title)
-                    button = ui.button("Add to the model", icon="add", on_click=act, color=None)
-                    button.props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
-                    self.acts.append(button)
-                ui.label(card.equation).classes("equation")
-            if symbols(card.equation):
-                ui.label(symbols(card.equation)).classes("dim small")
-
-    def _thumbnail(self, card: Card, shown: Picture) -> None:
-        """The picture of the effect in small. A press shows it in full."""
-        assert card.signature is not None
-        words = f"picture of {card.title} on {shown.axis}"
-        band = [(x, y - 2 * se, y + 2 * se) for x, y, se in zip(shown.centres, shown.curve, shown.se, strict=True)]
-        with ui.element("div").style("flex: none"):
-            button = ui.element("button").classes("thumbnail").props(f'type="button" aria-label="{words}, in full"')
-            with button.on("click", lambda: self.hero.choose(card)):
-                small = signature_svg(card.signature.dots, card.signature.line, words, band, few=card.signature.few)
-                ui.html(small, sanitize=False)
-            ui.label(f"left over (dots) and effect (line) {card.signature.title}").classes("dim small").style(
-                "max-width: 220px; font-size: 11px"
-            )
-
-    def _by_hand(self, step: Step) -> None:
-        """An effect that was added without a card of the diagnosis."""
-        proven = not step.recipe.doubts
-        with ui.element("article").classes("card"):
-            with ui.element("div").classes("head"):
-                ui.html(f"<h2>{html.escape(step.title)}</h2>", sanitize=False)
-                ui.label(f"on {', '.join(sorted(step.axes))}")
-                ui.space()
-                word = "in the model now" if proven else "in the model, not proven"
-                ui.label(word).classes(f"badge {'good' if proven else 'bad'}")
-            for doubt in step.recipe.doubts:
-                ui.label(f"In doubt: {doubt}.").classes("small")
-            fall = self.bench.fall()
-            if fall is not None:
-                bar = fall.bars[self.bench.steps.index(step)]
-                before, after = fall.told(bar.before), fall.told(bar.after)
-                ui.label(f"With it, the excess error went from {before} to {after} {fall.unit.name}.")
-            if step.formula:
-                ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
-
-    def _rest(self, found: DiagnosisView) -> None:
-        looked = [c for c in found.cards if c.judged["decision"] == "reject"]
-        blind: dict[str, tuple[Card, list[str]]] = {}
-        for c in found.cards:
-            if c.judged["decision"] == "not_measurable":
-                blind.setdefault(c.judged["effect"], (c, []))[1].append(c.judged["axis"])
-        if looked:
-            names = dict.fromkeys(c.title for c in looked)
-            with ui.expansion(f"Looked for and not found ({len(names)})").classes("face").style("flex: none; padding: 0"):
-                ui.label(", ".join(names)).classes("small dim")
-        if blind:
-            with ui.expansion(f"This recording cannot show ({len(blind)})").classes("face").style("flex: none; padding: 0"):
-                for card, axes in blind.values():
-                    ui.label(f"{card.title} on {', '.join(axes)}: {card.judged['next_measurement']}").classes("small dim")
-
-    def _any(self) -> None:
-        """A list of all effects of the library, of which any can be tried."""
-        with ui.element("div").classes("face").style("flex: none"), ui.row().classes("tight"):
-            ui.label("Try any effect:").classes("small")
-            chosen = ui.select({}, label="effect").props("outlined dense options-dense").style("width: 260px")
-
-            async def attempt() -> None:
-                if chosen.value is not None:
-                    await self.bench.add(chosen.value, titles[chosen.value])
-
-            button = ui.button("Try it", color=None, on_click=attempt)
-            self.acts.append(button.props("outline no-caps"))
-
-        titles: dict[str, str] = {}
-
-        async def fill() -> None:
-            titles.update(await asyncio.to_thread(_titles))
-            chosen.set_options(titles)
-
-        with chosen:
-            ui.timer(0, fill, once=True)
 
     # The model, the fall, the calibration.
 
@@ -299,15 +185,9 @@ class DiagnosePanel:
                     with ui.element("span").classes(f"badge {'bad' if doubted else 'add'}"):
                         ui.label(f"{title}, not proven" if doubted else title).style("display: inline")
                         button = ui.button(icon="close", on_click=partial(self.bench.remove, effect, title), color=None)
-                        button.props(f'flat round dense size="8px" aria-label="remove {title}"')
+                        button.props(f'flat round dense size="sm" aria-label="remove {title}"')
                 else:
                     ui.label(title).classes("badge")
-            ui.space()
-            with ui.row().classes("tight").style("flex-wrap: nowrap"):
-                undo = ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps")
-                undo.set_enabled(len(self.bench.steps) > 1)
-                redo = ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps")
-                redo.set_enabled(bool(self.bench.undone))
         with self.model:
             self.acts_on_model = parameters(self.bench)
             side_by_side(self.bench)
@@ -361,20 +241,12 @@ class DiagnosePanel:
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:
-                ui.label(found.note).classes("dim")
+                ui.label(on_page(found.note)).classes("dim")
             else:
                 chart = ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow")
                 chart.props('role="img" aria-label="calibration error against seconds"')
                 with bar:
                     tools(chart, lambda: named(self.bench, "calibration_error"))
-
-
-def _titles() -> dict[str, str]:
-    """The titles of all effects that can be fitted, by id."""
-    from gyrocal.effects.base import effects
-
-    kinds = [kind for kind in effects().values() if kind.parameters and kind.role is None]
-    return {kind.id: kind.title for kind in sorted(kinds, key=lambda kind: kind.title)}
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

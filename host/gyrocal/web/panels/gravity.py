@@ -12,6 +12,7 @@ from gyrocal.present.tables import number, plain
 from gyrocal.present.verdict import stands_on
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
+from gyrocal.web.on_page import on_page
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
 from gyrocal.web.words import unseen
@@ -118,7 +119,7 @@ def _budgets(view: GravityView) -> None:
         ui.html("<h2>Where the error comes from</h2>", sanitize=False)
         for budget in view.budgets:
             ui.label(budget.of).classes("dim small")
-            ui.html(budget.table(), sanitize=False).classes("sideways")
+            ui.html(on_page(budget.table()), sanitize=False).classes("sideways")
 
 
 def _listed(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:

@@ -14,6 +14,7 @@ from gyrocal.errors import InputError
 from gyrocal.present.tables import plain
 from gyrocal.web import warned
 from gyrocal.web.intake import KINDS, Asked, Looked
+from gyrocal.web.on_page import on_page
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
 
@@ -31,11 +32,6 @@ HINTS = {
     HAND: "It needs all three accelerations, and about fifteen rests of two seconds in different poses.",
 }
 """How the sensor moved, and what its file cannot say."""
-FIELDS = {
-    "--rate, --turn-deg, or map": "the table rate (0 at rest), or map a column to", "--rate-hz": "samples a second",
-    "; --rate 0 is a sensor that lay still": "", "--lsb-dps": "one count", "--gravity": "choose by hand", "--map": "the line",
-}  # fmt: skip
-"""What the page calls the options that a problem names."""
 
 
 class ImportPanel:
@@ -62,8 +58,8 @@ class ImportPanel:
                 {str(path): self.bench.places.name(path) for path in files}, label=f"a file in {self.bench.places.home}",
                 with_input=True, on_change=self._choose,
             ).props("outlined dense")  # fmt: skip
-            if not files:
-                ui.label("There is no such file in this folder.").classes("dim small")
+            self.none = ui.label("This folder has no file that can be imported.").classes("dim small")
+            self.none.set_visibility(not files)
             accepted = ",".join(KINDS)
             upload = ui.upload(auto_upload=True, max_files=1, max_file_size=LARGEST_BYTES, on_upload=self._uploaded)
             with upload.props(f'flat bordered accept="{accepted}"').add_slot("header"), ui.row().classes("tight drop"):
@@ -87,6 +83,7 @@ class ImportPanel:
 
     async def _take(self, file: Path) -> None:
         self.file = file
+        self.none.set_visibility(False)
         self._facts()
         await self._look(Asked())
 
@@ -153,7 +150,7 @@ class ImportPanel:
             if looked.problem:
                 with ui.row().classes("tight").style("flex-wrap: nowrap; align-items: baseline"):
                     ui.element("span").classes("light bad")
-                    ui.label(_on_page(looked.problem.replace(f"{self.file.parent}/", ""))).props('role="status"')
+                    ui.label(on_page(looked.problem.replace(f"{self.file.parent}/", ""))).props('role="status"')
             rows = [[*text.split("=", 1), why] for text, why in looked.maps]
             if rows:
                 ui.html(plain(("becomes:", "from:", "why:"), rows), sanitize=False).classes("sideways")
@@ -181,13 +178,6 @@ class ImportPanel:
         if done is not None:
             self.tab.go("compare")
             await self.bench.open(out)
-
-
-def _on_page(problem: str) -> str:
-    """A problem of the import with the names of the page's fields in place of the command line's options."""
-    for option, field in FIELDS.items():
-        problem = problem.replace(option, field)
-    return problem
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

@@ -88,9 +88,8 @@ class LivePanel:
                 ui.html("<h2>Device</h2>", sanitize=False)
                 if self.live.port:
                     ui.space()
-                    ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props(
-                        "flat dense no-caps size=sm"
-                    )
+                    leave = ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None)
+                    leave.props("flat dense no-caps")
             if not self.live.port:
                 self._choose()
                 return
@@ -140,7 +139,7 @@ class LivePanel:
                     "type the name of a port."
                 ).classes("dim small")
                 again = ui.button("Look again", icon="refresh", on_click=self._look_again, color=None)
-                again.props("flat dense no-caps size=sm")
+                again.props("outline dense no-caps")
         connect = ui.button("Connect", icon="link", on_click=lambda: self._connect(port.value), color=None)
         connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
@@ -222,7 +221,7 @@ class LivePanel:
         sensor = self.live.sensor(imu)
         fit = ""
         if sensor.get("results"):
-            fit = ", not trusted" if any(map(doubtful, judged(sensor["results"]))) else ", fits"
+            fit = ", not trusted" if any(map(doubtful, judged(sensor["results"]))) else ", trusted"
         return words(sensor) + fit
 
     def _look_at(self, imu: int) -> None:

@@ -16,6 +16,9 @@ typedef enum { RINGBUF_TYPE_NOSPLIT } RingbufferType_t;
 #define pdTRUE 1
 #define pdFALSE 0
 #define pdPASS pdTRUE
+#ifndef portNUM_PROCESSORS
+#define portNUM_PROCESSORS 2
+#endif
 #define portMAX_DELAY 0xFFFFFFFFu
 #define pdMS_TO_TICKS(ms) ((TickType_t)(ms))
 #define configASSERT(x) ((void)(x))
@@ -23,6 +26,9 @@ typedef enum { RINGBUF_TYPE_NOSPLIT } RingbufferType_t;
 
 extern "C" {
 BaseType_t xTaskCreate(void (*code)(void *), const char *name, uint32_t stack, void *argument, UBaseType_t priority, TaskHandle_t *task);
+BaseType_t xTaskCreatePinnedToCore(void (*code)(void *), const char *name, uint32_t stack, void *argument, UBaseType_t priority,
+                                   TaskHandle_t *task, BaseType_t core);
+UBaseType_t uxTaskGetStackHighWaterMark(TaskHandle_t task);
 BaseType_t xTaskNotifyGive(TaskHandle_t task);
 uint32_t ulTaskNotifyTake(BaseType_t clear, TickType_t ticks);
 void vTaskNotifyGiveFromISR(TaskHandle_t task, BaseType_t *woken);

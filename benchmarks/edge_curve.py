@@ -1,0 +1,105 @@
+"""The curve from evidence to stated probability, from results of the calibration part of ``gyrocal benchmark edge``.
+
+    gyrocal benchmark edge --part calibration --workers 2 --out calibration.jsonl
+    python benchmarks/edge_curve.py calibration.jsonl
+
+It prints the constants of ``host/gyrocal/evidence/curve.py``. Log odds in each of :data:`EDGES` have a share of true names, and
+neighbours are pooled until the shares rise (isotonic regression). The last one is the lower 95 % bound of its share.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks import edge_table
+from benchmarks.edge_table import Row
+
+from gyrocal.evidence.checked import Checks
+from gyrocal.evidence.curve import supported
+
+EDGES = (-14.0, -4.0, -2.2, -0.85, 0.0, 1.4, 2.2, 4.6, 10.0, np.inf)
+MOST = 20.0
+"""Log odds beyond this count as this in the means."""
+LEADS = 0.0
+Knots = list[tuple[float, float]]
+
+
+def pairs(rows: Sequence[Row], passed: bool) -> list[tuple[float, bool]]:
+    """Log odds of every candidate that passes its checks (or that does not), and whether it acts on its axis."""
+    out = []
+    for row in rows:
+        right = {tuple(name) for name in row["truth"]["right"]}
+        for c in row["candidates"]:
+            checks = None if c.get("checks") is None else Checks(**c["checks"])
+            if row["error"] is None and c.get("log_odds") is not None and (checks is None or checks.passed) is passed:
+                out.append((min(float(c["log_odds"]), MOST), (c["effect"], c["axis"]) in right))
+    return out
+
+
+def rising(groups: Sequence[tuple[float, int, int]]) -> list[tuple[float, int, int]]:
+    """Sums of log odds, true names and names, neighbours pooled until the share of true names rises."""
+    out: list[tuple[float, int, int]] = []
+    for group in groups:
+        out.append(group)
+        while len(out) > 1 and out[-1][1] * out[-2][2] <= out[-2][1] * out[-1][2]:
+            last = out.pop()
+            out[-1] = (out[-1][0] + last[0], out[-1][1] + last[1], out[-1][2] + last[2])
+    return out
+
+
+def curve(rows: Sequence[Row]) -> tuple[Knots, float]:
+    """The knots, and the share of true names among those of which a check fails."""
+    passed, failed = (np.array(pairs(rows, of) or [(0.0, False)]) for of in (True, False))
+    groups = []
+    for low, high in pairwise(EDGES):
+        inside = (passed[:, 0] >= low) & (passed[:, 0] < high)
+        if inside.any():
+            groups.append((float(passed[inside, 0].sum()), int(passed[inside, 1].sum()), int(inside.sum())))
+    *lower, (total, true, n) = rising(groups)
+    top = 1 - float(edge_table.upper(n - true, n) or 0.0)
+    knots = [*((total / n, min(true / n, top)) for total, true, n in lower), (total / n, top)]
+    led = failed[failed[:, 0] >= LEADS]
+    return [(round(x, 4), round(y, 3)) for x, y in knots], round(float(led[:, 1].mean()) if len(led) else 0.0, 3)
+
+
+def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
+    """Of every sure name that has log odds: is it true? First those that the evidence supports, then the others."""
+    with_evidence, without = [], []
+    for row in (row for row in rows if row["error"] is None):
+        right = {tuple(name) for name in row["truth"]["right"]}
+        judged = {(c["effect"], c["axis"]): c for c in row["candidates"]}
+        for name in edge_table.sure(row):
+            c = judged[name]
+            if c.get("log_odds") is not None:
+                checks = None if c["checks"] is None else Checks(**c["checks"])
+                (with_evidence if supported(c["log_odds"], checks) else without).append(name in right)
+    return with_evidence, without
+
+
+def main() -> None:
+    rows = [row for path in sys.argv[1:] for row in edge_table.read(Path(path))]
+    knots, failed = curve(rows)
+    print(f"KNOTS = {tuple(knots)}")
+    print(f"FAILED = {failed}")
+    with_evidence, without = named(rows)
+    bound = edge_table.upper(with_evidence.count(False), len(with_evidence))
+    print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
+    print(f"sure names: {sum(with_evidence)} of {len(with_evidence)} true where the evidence supports them")
+    print(f"            {sum(without)} of {len(without)} true where it does not")
+    for passed in (True, False):
+        found = pairs(rows, passed)
+        for least in EDGES[-3:-1]:
+            said = [true for log_odds, true in found if log_odds >= least]
+            word = "passed" if passed else "failed"
+            print(f"checks {word}: {sum(said)} of {len(said)} names with log odds of {least:g} and more are true")
+
+
+if __name__ == "__main__":
+    main()

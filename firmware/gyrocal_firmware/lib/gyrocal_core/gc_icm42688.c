@@ -1,0 +1,114 @@
+#include "gc_icm42688.h"
+
+#include "gc_error.h"
+
+#define CONFIG_REGS 3u /* PWR_MGMT0, GYRO_CONFIG0, ACCEL_CONFIG0 */
+
+static const gc_odr_t odrs[] = {{12.5, 11}, {25.0, 10}, {50.0, 9}, {100.0, 8}, {200.0, 7}, {500.0, 15}, {1000.0, 6}};
+static const gc_range_t ranges[] = {
+    {125.0, 1.0 / 262.0, 0x80}, {250.0, 1.0 / 131.0, 0x60}, {500.0, 1.0 / 65.5, 0x40}, {1000.0, 1.0 / 32.8, 0x20}, {2000.0, 1.0 / 16.4, 0x00}};
+
+static int16_t word(const uint8_t *data) {
+    return (int16_t)((data[0] & 0x80u ? -0x8000 : 0) + ((data[0] & 0x7F) << 8 | data[1]));
+}
+
+static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
+    uint8_t data[14];
+    const int error = gc_sensor_read_regs(imu, GC_ICM42688_TEMP_DATA1, data, sizeof data);
+    if (error != GC_OK) {
+        return error;
+    }
+    sample->temp = word(data);
+    for (size_t i = 0; i < 3u; i++) {
+        sample->acc[i] = word(data + 2u + 2u * i);
+        sample->gyro[i] = word(data + 8u + 2u * i);
+    }
+    imu->data_wait = false;
+    return GC_OK;
+}
+
+/* Another program may have left another bank selected. */
+static int identify(gc_sensor_t *imu) {
+    uint8_t id = 0;
+    int error = gc_sensor_write_reg(imu, GC_ICM42688_REG_BANK_SEL, 0);
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_ICM42688_WHO_AM_I, &id, 1);
+    }
+    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+}
+
+static void wait_us(const gc_sensor_t *imu, uint64_t us) {
+    imu->port->wait_until_us(imu->port->context, imu->port->now_us(imu->port->context) + us);
+}
+
+static int reset(gc_sensor_t *imu) {
+    int error = gc_sensor_write_reg(imu, GC_ICM42688_DEVICE_CONFIG, GC_ICM42688_SOFT_RESET);
+    const uint64_t start = imu->port->now_us(imu->port->context);
+    uint8_t status = 0;
+    while (error == GC_OK && (status & GC_ICM42688_RESET_DONE) == 0u) {
+        if (imu->port->now_us(imu->port->context) - start > GC_ICM42688_RESET_TIMEOUT_US) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        wait_us(imu, GC_ICM42688_RESET_US);
+        error = gc_sensor_read_regs(imu, GC_ICM42688_INT_STATUS, &status, 1);
+    }
+    return error;
+}
+
+/* The sensors are switched on last, after all that must not be written soon after it. */
+static int configure(gc_sensor_t *imu) {
+    imu->written[0] = GC_ICM42688_LOW_NOISE;
+    imu->written[1] = (uint8_t)(imu->range->code | imu->odr->code);
+    imu->written[2] = (uint8_t)(GC_ICM42688_ACCEL_2G | imu->odr->code);
+    const uint8_t steps[][2] = {
+        {GC_ICM42688_INT_CONFIG, GC_ICM42688_INT1_LATCHED},
+        {GC_ICM42688_INT_CONFIG1, 0},
+        {GC_ICM42688_INT_SOURCE0, GC_ICM42688_DATA_READY},
+        {GC_ICM42688_PWR_MGMT0 + 1, imu->written[1]},
+        {GC_ICM42688_PWR_MGMT0 + 2, imu->written[2]},
+        {GC_ICM42688_PWR_MGMT0, imu->written[0]},
+    };
+    int error = GC_OK;
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0] && error == GC_OK; i++) {
+        error = gc_sensor_write_reg(imu, steps[i][0], steps[i][1]);
+    }
+    return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
+}
+
+static int set_up(gc_sensor_t *imu) {
+    gc_sample_t first;
+    imu->period_us = 1e6 / imu->odr_hz;
+    wait_us(imu, GC_ICM42688_BOOT_US);
+    int error = identify(imu);
+    if (error == GC_OK) {
+        error = reset(imu);
+    }
+    if (error == GC_OK) {
+        error = configure(imu);
+    }
+    if (error == GC_OK) {
+        wait_us(imu, GC_ICM42688_TURN_ON_US);
+        error = burst(imu, &first);
+    }
+    return error;
+}
+
+static int ready(gc_sensor_t *imu) {
+    uint8_t status = 0;
+    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_ICM42688_INT_STATUS, &status, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    imu->data_wait = imu->data_wait || (status & GC_ICM42688_DATA_READY) != 0u;
+    return imu->data_wait ? 1 : 0;
+}
+
+const gc_part_t gc_icm42688 = {
+    .name = "ICM-42688-P", .id = GC_ICM42688_ID, .address = {GC_ICM42688_ADDRESS, GC_ICM42688_ADDRESS_HIGH},
+    .lsb_g = 1.0 / 16384.0, .lsb_c = 1.0 / 132.48, .zero_c = 25.0,
+    .noise_dps = 0.033, /* 2.8 mdps/sqrt(Hz) within a quarter of 500 Hz */
+    .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0,
+    .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .watched_reg = GC_ICM42688_PWR_MGMT0, .watched = CONFIG_REGS,
+    .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
+};

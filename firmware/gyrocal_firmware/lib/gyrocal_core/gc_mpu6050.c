@@ -1,0 +1,143 @@
+#include "gc_mpu6050.h"
+
+#include "gc_error.h"
+
+#define CONFIG_REGS 4u /* SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG; some parts have ACCEL_CONFIG_2 behind them */
+#define POLL_US 1000u
+
+/* 1 kHz over the divider and one. */
+static const gc_odr_t odrs[] = {{10.0, 99}, {20.0, 49},  {25.0, 39},  {50.0, 19},  {100.0, 9},
+                                {125.0, 7}, {200.0, 4}, {250.0, 3}, {500.0, 1}, {1000.0, 0}};
+static const gc_range_t ranges[] = {
+    {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x08}, {1000.0, 1.0 / 32.8, 0x10}, {2000.0, 1.0 / 16.4, 0x18}};
+
+/* The widest filter below half of the output rate: 188, 98, 42, 20, 10 or 5 Hz. */
+static uint8_t filter_code(double odr_hz) {
+    static const double from_hz[] = {500.0, 200.0, 100.0, 50.0, 20.0};
+    uint8_t code = 1;
+    while (code <= sizeof from_hz / sizeof from_hz[0] && odr_hz < from_hz[code - 1u]) {
+        code++;
+    }
+    return code;
+}
+
+static int16_t word(const uint8_t *data) {
+    return (int16_t)((data[0] & 0x80u ? -0x8000 : 0) + ((data[0] & 0x7F) << 8 | data[1]));
+}
+
+static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
+    uint8_t data[14];
+    const int error = gc_sensor_read_regs(imu, GC_MPU6050_ACCEL_XOUT_H, data, sizeof data);
+    if (error != GC_OK) {
+        return error;
+    }
+    for (size_t i = 0; i < 3u; i++) {
+        sample->acc[i] = word(data + 2u * i);
+        sample->gyro[i] = word(data + 8u + 2u * i);
+    }
+    sample->temp = word(data + 6);
+    imu->data_wait = false;
+    return GC_OK;
+}
+
+static int identify(gc_sensor_t *imu) {
+    uint8_t id = 0;
+    const int error = gc_sensor_read_regs(imu, GC_MPU6050_WHO_AM_I, &id, 1);
+    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+}
+
+static void wait_us(const gc_sensor_t *imu, uint64_t us) {
+    imu->port->wait_until_us(imu->port->context, imu->port->now_us(imu->port->context) + us);
+}
+
+static int reset(gc_sensor_t *imu) {
+    int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_RESET);
+    const uint64_t start = imu->port->now_us(imu->port->context);
+    uint8_t power = GC_MPU6050_RESET;
+    while (error == GC_OK && (power & GC_MPU6050_RESET) != 0u) {
+        if (imu->port->now_us(imu->port->context) - start > GC_MPU6050_RESET_TIMEOUT_US) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        wait_us(imu, POLL_US);
+        error = gc_sensor_read_regs(imu, GC_MPU6050_PWR_MGMT_1, &power, 1);
+    }
+    return error;
+}
+
+/* The part starts asleep, by its own oscillator, which is off by more than the gyroscope's. */
+static int wake(gc_sensor_t *imu) {
+    int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, 0);
+    if (error == GC_OK) {
+        wait_us(imu, GC_MPU6050_WAKE_US + GC_MPU6050_GYRO_ON_US);
+        error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_CLOCK_GYRO);
+    }
+    return error;
+}
+
+static int configure(gc_sensor_t *imu) {
+    const uint8_t filter = filter_code(imu->odr_hz);
+    imu->written[0] = imu->odr->code;
+    imu->written[1] = filter;
+    imu->written[2] = imu->range->code;
+    imu->written[3] = 0; /* 2 g */
+    imu->written[4] = filter;
+    int error = GC_OK;
+    for (uint8_t i = 0; i < imu->part->watched && error == GC_OK; i++) {
+        error = gc_sensor_write_reg(imu, (uint8_t)(GC_MPU6050_SMPLRT_DIV + i), imu->written[i]);
+    }
+    return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
+}
+
+static int set_up(gc_sensor_t *imu) {
+    gc_sample_t first;
+    imu->period_us = 1e6 / imu->odr_hz;
+    wait_us(imu, GC_MPU6050_BOOT_US);
+    int error = identify(imu);
+    if (error == GC_OK) {
+        error = reset(imu);
+    }
+    if (error == GC_OK) {
+        error = wake(imu);
+    }
+    if (error == GC_OK) {
+        error = configure(imu);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_MPU6050_INT_PIN_CFG, GC_MPU6050_LATCH_INT);
+    }
+    if (error == GC_OK) { /* the flag of INT_STATUS is that of the interrupt */
+        error = gc_sensor_write_reg(imu, GC_MPU6050_INT_ENABLE, GC_MPU6050_DATA_READY);
+    }
+    if (error == GC_OK) {
+        wait_us(imu, GC_MPU6050_FILTER_US);
+        error = burst(imu, &first);
+    }
+    return error;
+}
+
+static int ready(gc_sensor_t *imu) {
+    uint8_t status = 0;
+    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_MPU6050_INT_STATUS, &status, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    imu->data_wait = imu->data_wait || (status & GC_MPU6050_DATA_READY) != 0u;
+    return imu->data_wait ? 1 : 0;
+}
+
+#define ALIKE                                                                                                            \
+    .address = {GC_MPU6050_ADDRESS, GC_MPU6050_ADDRESS_HIGH}, .lsb_g = 1.0 / 16384.0, .odr = odrs,                       \
+    .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0, .range = ranges,                                      \
+    .ranges = sizeof ranges / sizeof ranges[0], .watched_reg = GC_MPU6050_SMPLRT_DIV, .identify = identify,              \
+    .set_up = set_up, .ready = ready, .read = burst
+#define WITH_ACCEL_FILTER                                                                                                \
+    .traits = GC_MPU_HAS_ACCEL_FILTER, .watched = CONFIG_REGS + 1u, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,               \
+    .noise_dps = 0.14 /* 0.01 dps/sqrt(Hz) within 188 Hz */
+
+const gc_part_t gc_mpu6050 = {
+    .name = "MPU-6050", .id = GC_MPU6050_ID, .watched = CONFIG_REGS, .lsb_c = 1.0 / 340.0, .zero_c = 36.53,
+    ALIKE, .noise_dps = 0.069, /* 0.005 dps/sqrt(Hz) within 188 Hz */
+};
+const gc_part_t gc_mpu6500 = {.name = "MPU-6500", .id = GC_MPU6500_ID, WITH_ACCEL_FILTER, ALIKE};
+const gc_part_t gc_mpu9250 = {.name = "MPU-9250", .id = GC_MPU9250_ID, WITH_ACCEL_FILTER, ALIKE};
+const gc_part_t gc_mpu9255 = {.name = "MPU-9255", .id = GC_MPU9255_ID, WITH_ACCEL_FILTER, ALIKE};

@@ -1,0 +1,55 @@
+/* Driver of InvenSense's MPU-6050 gyroscope and accelerometer and of its relatives, single samples. The FIFO is not used: it tells
+ * neither its level by the interrupt pin nor which sample a byte belongs to once it was full. Sources of the register facts:
+ *
+ *     addresses, bits            jrowberg/i2cdevlib, Arduino/MPU6050/MPU6050.h, 0b625e2d
+ *     ids, temperature, times    torvalds/linux, drivers/iio/imu/inv_mpu6050/inv_mpu_iio.h, 0b70c084
+ *     order of the start-up      the same, inv_mpu_core.c, 010e85f9: the clock is the gyroscope's only once that runs
+ *     defaults after reset       Register Map RM-MPU-6000A-00 4.2, section 3
+ *     read sets of registers     the same, section 4.18: a burst reads one sample
+ *     rates, filters             the same, sections 4.2 and 4.3
+ */
+#ifndef GC_MPU6050_H
+#define GC_MPU6050_H
+
+#include "gc_sensor.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_MPU6050_ADDRESS 0x68      /* AD0 low */
+#define GC_MPU6050_ADDRESS_HIGH 0x69 /* AD0 high */
+
+#define GC_MPU6050_SMPLRT_DIV 0x19
+#define GC_MPU6050_INT_PIN_CFG 0x37
+#define GC_MPU6050_INT_ENABLE 0x38
+#define GC_MPU6050_INT_STATUS 0x3A
+#define GC_MPU6050_ACCEL_XOUT_H 0x3B
+#define GC_MPU6050_PWR_MGMT_1 0x6B
+#define GC_MPU6050_WHO_AM_I 0x75
+
+#define GC_MPU6050_ID 0x68 /* of the MPU-6000 and MPU-9150 too */
+#define GC_MPU6500_ID 0x70
+#define GC_MPU9250_ID 0x71
+#define GC_MPU9255_ID 0x73
+
+#define GC_MPU_HAS_ACCEL_FILTER 1u /* traits: a register of its own */
+
+#define GC_MPU6050_RESET 0x80u
+#define GC_MPU6050_CLOCK_GYRO 0x01u
+#define GC_MPU6050_LATCH_INT 0x20u /* until INT_STATUS is read */
+#define GC_MPU6050_DATA_READY 0x01u
+
+#define GC_MPU6050_BOOT_US 100000u
+#define GC_MPU6050_RESET_TIMEOUT_US 100000u
+#define GC_MPU6050_WAKE_US 5000u     /* until registers are written after sleep */
+#define GC_MPU6050_GYRO_ON_US 100000u /* until the gyroscope's clock can be used, and its readings */
+#define GC_MPU6050_FILTER_US 100000u /* until the slowest filter has settled */
+
+extern const gc_part_t gc_mpu6050, gc_mpu6500, gc_mpu9250, gc_mpu9255;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

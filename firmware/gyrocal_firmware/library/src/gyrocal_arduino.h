@@ -1,0 +1,99 @@
+/* The functions of gc_port.h by Arduino's Wire, Print and clock, for one sensor and any board. Nothing survives power-off with it,
+   and a sentence that the wire has no room for is waited for; the ESP32 firmware of gyrocal has a port that does better. */
+#ifndef GYROCAL_ARDUINO_H
+#define GYROCAL_ARDUINO_H
+
+#include "gc_device.h"
+#include "gc_error.h"
+#include "gc_parts.h"
+#include "headers.h" /* the calibration and the network that were exported with this library */
+
+#include <Arduino.h>
+#include <Wire.h>
+
+class GyrocalPort {
+public:
+    /* out receives the device's sentences; nullptr: nobody reads them. */
+    explicit GyrocalPort(TwoWire &wire, Print *out = nullptr) : wire_(wire), out_(out), port_(), high_us_(0), last_us_(0) {
+        port_.context = this;
+        port_.bus_write = write;
+        port_.bus_read = read;
+        port_.now_us = now_us;
+        port_.wait_until_us = wait_until_us;
+        port_.send = send;
+    }
+
+    const gc_port_t *port() const { return &port_; }
+
+    /* Finds a sensor that the library knows. Returns its address, or 0 if there is none; part may be nullptr. */
+    uint8_t find(const gc_part_t **part) const {
+        static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
+        const gc_part_t *found = nullptr;
+        for (const uint8_t address : addresses) {
+            if (gc_part_find(gc_parts, &port_, address, &found) == GC_OK) {
+                if (part != nullptr) {
+                    *part = found;
+                }
+                return address;
+            }
+        }
+        return 0;
+    }
+
+private:
+    static GyrocalPort &of(void *context) { return *static_cast<GyrocalPort *>(context); }
+
+    static int write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+        TwoWire &wire = of(context).wire_;
+        wire.beginTransmission(address);
+        wire.write(reg);
+        wire.write(data, n);
+        return wire.endTransmission() == 0 ? static_cast<int>(n) : -1;
+    }
+
+    static int read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+        TwoWire &wire = of(context).wire_;
+        wire.beginTransmission(address);
+        wire.write(reg);
+        if (wire.endTransmission(false) != 0) {
+            return -1;
+        }
+        const size_t got = wire.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint8_t>(1));
+        for (size_t i = 0; i < got && i < n; i++) {
+            data[i] = static_cast<uint8_t>(wire.read());
+        }
+        return got > 0 ? static_cast<int>(got) : -1;
+    }
+
+    /* micros() begins anew after 71 minutes. */
+    static uint64_t now_us(void *context) {
+        GyrocalPort &self = of(context);
+        const uint32_t us = static_cast<uint32_t>(micros());
+        self.high_us_ += us < self.last_us_ ? 4294967296ULL : 0ULL;
+        self.last_us_ = us;
+        return self.high_us_ + us;
+    }
+
+    static void wait_until_us(void *context, uint64_t t_us) {
+        uint64_t now = now_us(context);
+        while (now < t_us) {
+            if (t_us - now > 2000u) {
+                delay(1);
+            }
+            now = now_us(context);
+        }
+    }
+
+    static int send(void *context, const char *data, size_t n) {
+        Print *out = of(context).out_;
+        return out == nullptr ? static_cast<int>(n) : static_cast<int>(out->write(reinterpret_cast<const uint8_t *>(data), n));
+    }
+
+    TwoWire &wire_;
+    Print *out_;
+    gc_port_t port_;
+    uint64_t high_us_;
+    uint32_t last_us_;
+};
+
+#endif

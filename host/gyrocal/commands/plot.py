@@ -1,0 +1,20 @@
+"""``gyrocal plot``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gyrocal.commands import OwnEffects, want_pictures
+
+
+def run(
+    source: Annotated[Path, typer.Argument(metavar="SRC", help="A session or a model file.")],
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="The picture: .png, .pdf or .svg by its name; it is replaced.")],
+    effects: OwnEffects = None,
+) -> None:
+    """Draw a session's recordings, or a model's parameters, into a file."""
+    from gyrocal.present.drawing import draw
+
+    want_pictures(out)
+    draw(source, out)

@@ -1,0 +1,157 @@
+"""Two checks of an effect that leads, which a person understands and a picture can show.
+
+*Share*: of what the effect and a rest without a name explain together on the axis, the effect explains most. *The same in
+parts*: its coefficient is the same early and late in the runs, slow and fast, in both directions, in early and late power
+cycles, cold and warm, soon and long after power-on. A disturbance that resembles an effect passes for it as a whole, but hardly
+in each part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal import tails
+from gyrocal.effects.base import Effect, elapsed_s
+from gyrocal.effects.quantities import power_on_time_s, temperature_c, true_rate_dps
+from gyrocal.evidence.checked import Checks
+from gyrocal.evidence.hypotheses import Option
+from gyrocal.evidence.matrix import Index, Matrix, runs_of
+from gyrocal.evidence.states import integrated, without
+from gyrocal.evidence.weights import Scales, Weighed
+from gyrocal.recording.session import Array, Run
+
+LEAST_SHOWN = 1e-3
+"""Part of an effect's power that must differ between two parts, so that they say anything of its coefficient."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A fitted term in one half of the data, less its mean in both."""
+
+    option: Option
+    coefficients: Array
+    half: Callable[[Run], Array | None]
+    share: float
+
+    @property
+    def effect(self) -> Effect:
+        return self.option.effect
+
+    @property
+    def sizes(self) -> Array:
+        return np.ones((1, 2))
+
+    @property
+    def unit(self) -> Array:
+        return np.ones(1)
+
+    def columns(self, run: Run, axis: int) -> Array:
+        half = self.half(run)
+        if half is None:
+            return np.zeros((len(run), 1))
+        return np.asarray((self.option.columns(run, axis) @ self.coefficients * (half - self.share))[:, None])
+
+    def noise(self, run: Run, axis: int, samples: float) -> None:
+        """The noise of measured columns is neglected."""
+
+
+def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str, Checks]:
+    """Both checks of some effects of a set."""
+    matrix, state = scales.matrix, weighed.state
+    forms = weighed.forms
+    found = scales.coefficients(weighed, state, None)
+    parts: list[tuple[str, _Part]] = []
+    for effect in effects:
+        option = matrix.options[forms[effect][0]]
+        term = found[effect] * option.unit
+        parts += [(effect, part) for part in _parts(matrix, option, term)]
+    shares = _shares(scales, weighed)
+    chances = _chances(scales, weighed, parts)
+    return {effect: Checks(shares[effect], chances.get(effect)) for effect in effects}
+
+
+def _shares(scales: Scales, weighed: Weighed) -> dict[str, float]:
+    """Each effect's part of the power of effect and rest, beside bias and scale."""
+    rest = weighed.rest or scales.likeliest_rest(weighed)
+    found = scales.coefficients(weighed, weighed.state, rest)
+    plain = scales.states.products[0]
+
+    def power(at: Index, coefficients: Array) -> float:
+        return float(coefficients @ plain[np.ix_(at, at)] @ coefficients)
+
+    left = power(scales.matrix.left[rest.shape], found[""]) if rest is not None else 0.0
+    own = {e: power(scales.matrix.at[weighed.forms[e][0]], found[e]) for e in weighed.effects}
+    return {e: p / max(p + left, 1e-300) for e, p in own.items()}
+
+
+def _parts(matrix: Matrix, option: Option, coefficients: Array) -> Iterator[_Part]:
+    runs = [run for run in runs_of(matrix.fit) if not run.rate_is_mean]
+    for half in _halves(runs):
+        known = [h for run in runs if (h := half(run)) is not None]
+        share = float(np.mean(np.concatenate(known))) if known else 0.0
+        if 0.0 < share < 1.0:
+            yield _Part(option, coefficients, half, share)
+
+
+def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
+    """For each way to part the data, the samples of the second half: 1, the others 0; None where a run does not know."""
+    cycles = list(dict.fromkeys(run.scenario for run in runs))
+    late = set(cycles[(len(cycles) + 1) // 2 :])
+
+    def above(values: Callable[[Run], Array | None]) -> Callable[[Run], Array | None]:
+        known = [found for run in runs if (found := values(run)) is not None]
+        middle = float(np.median(np.concatenate(known))) if known else 0.0
+
+        def of(run: Run) -> Array | None:
+            found = values(run)
+            return None if found is None else (found > middle).astype(float)
+
+        return of
+
+    return [
+        above(elapsed_s), above(lambda run: np.abs(true_rate_dps(run))), above(temperature_c), above(power_on_time_s),
+        lambda run: (true_rate_dps(run) > 0).astype(float),
+        lambda run: np.full(len(run), float(run.scenario in late)),
+    ]  # fmt: skip
+
+
+def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]]) -> dict[str, float]:
+    """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair."""
+    if not parts:
+        return {}
+    whole, state = scales.matrix, weighed.state
+    order = sorted(weighed.effects)
+    options = [whole.options[weighed.forms[e][0]] for e in order]
+    matrix = Matrix.of(
+        whole.fit, options, further=[part for _, part in parts], released=whole.released, white_sd_dps=whole.white_sd_dps
+    )
+    products = _beside(matrix, scales, state)
+    taken = np.concatenate(matrix.at)
+    sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
+    products = integrated(products[None], taken, sd)[0][0]
+    variance = products[0, 0] / scales.states.degrees
+    out: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    plain = np.diagonal(_beside(matrix, scales, 0))
+    for k, (effect, _) in enumerate(parts):
+        at = int(matrix.further[k][0])
+        if not products[at, at] > LEAST_SHOWN * plain[at]:
+            continue
+        statistic = products[at, 0] ** 2 / products[at, at] / variance
+        out[effect] = min(out.get(effect, 1.0), float(tails.chi_square(statistic, 1)))
+        counts[effect] = counts.get(effect, 0) + 1
+    return {effect: min(1.0, p * counts[effect]) for effect, p in out.items()}
+
+
+def _beside(matrix: Matrix, scales: Scales, state: int) -> Array:
+    """Products [q, q] in one state of the noise, without the columns of the model."""
+    grams, _ = matrix.grams(scales.states.noises[state])
+    if matrix.of_runs.size:
+        grams, _ = integrated(grams, matrix.of_runs, matrix.fit.spreads.run[list(matrix.design.layout.run_group)])
+    cycles = np.zeros((int(matrix.design.scenarios.max()) + 1, *grams.shape[1:]))
+    np.add.at(cycles, matrix.design.scenarios, grams)
+    apart, _ = integrated(cycles, matrix.of_cycles, np.array(scales.states.spreads[state]))
+    return without(apart.sum(axis=0), matrix.shared)[0]

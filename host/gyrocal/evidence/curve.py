@@ -1,0 +1,40 @@
+"""The stated probability: what share of names with the same evidence is right beside disturbances outside all shapes.
+
+The evidence would be a probability if the rest of the world were one of its shapes. It is not, so that the evidence is too
+sure. The calibration part of ``gyrocal benchmark edge`` tells by how much: :data:`KNOTS` are its log odds and the shares of
+true names among them, for effects that pass both checks or were not checked. Of those that fail a check, whatever their
+evidence, the share :data:`FAILED` was true. Of the names that the tests of the diagnosis are sure of and the evidence supports,
+at least the share :data:`NAMED` is. All come from ``python benchmarks/edge_curve.py CALIBRATION.jsonl``, which pools neighbours
+until the shares rise; the last knot and :data:`NAMED` are lower 95 % bounds, and nothing above them is stated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.evidence.checked import Checks
+
+KNOTS = (
+    (-4.5071, 0.007), (-3.3092, 0.011), (-1.7117, 0.095), (-0.469, 0.333), (1.0159, 0.611), (12.3904, 0.858),
+)  # fmt: skip
+FAILED = 0.364
+NAMED = 0.918
+LEAST_LOG_ODDS = 2.2
+"""Log odds (a probability of 0.9) from which on the evidence supports a name."""
+
+
+def supported(log_odds: float, checks: Checks | None) -> bool:
+    """True if the evidence supports a name that other tests are sure of."""
+    return log_odds >= LEAST_LOG_ODDS and (checks is None or checks.passed)
+
+
+def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:
+    """The probability to be told of an effect of these log odds; ``checks`` is None for one that does not lead.
+
+    ``named`` is True if the tests of the diagnosis are sure of it.
+    """
+    known, shares = np.transpose(KNOTS)
+    found = float(np.interp(log_odds, known, shares))
+    if checks is not None and not checks.passed:
+        return min(found, FAILED)
+    return max(found, NAMED) if named and supported(log_odds, checks) else found

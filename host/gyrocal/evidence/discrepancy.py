@@ -1,0 +1,133 @@
+"""What may be left over: a smooth function of one variable that no effect of the library describes.
+
+Every sensor has a small disturbance that nobody has named. Beside it a comparison of effects alone names the effect that
+resembles it most, with certainty. Each hypothesis here, also that of no effect, may therefore hold such a function, and an
+effect is named only where it explains the data better than a function without a name (Kennedy and O'Hagan, J. R. Stat. Soc. B
+63 (2001) 425). The function is a sum of cosines over the variable's range, with amplitudes that fall as 1/k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.effects.base import elapsed_s
+from gyrocal.effects.quantities import acceleration_g, power_on_time_s, rate_slope_dps_s, temperature_c, true_rate_dps
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.acceleration import Acceleration
+from gyrocal.variables.face import Face
+from gyrocal.variables.power_on_time import PowerOnTime
+from gyrocal.variables.rate import Rate
+from gyrocal.variables.temperature import Temperature
+from gyrocal.variables.time import Time
+
+SLOPE = "rate_slope"
+COSINES = 6
+"""Number of cosines: the shortest wave has a third of the variable's range."""
+LEAST_RANGE = 1e-6
+"""A variable that moves by less than this part of its size does not move."""
+LEAST_SPREAD = 0.05
+"""Speeds that differ by less than this part of their size are one speed."""
+THE_SAME = 1e-3
+"""Of two variables that differ by less than this part of their range, in this session, the first stands for both."""
+
+
+Factor = Callable[[Run], Array]
+"""What a function is multiplied by, shape [n] of about one."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A smooth function of one variable, ``against``, alone or times the true rate or its size (``times``)."""
+
+    against: str
+    values: Callable[[Run], Array | None]
+    low: float
+    high: float
+    times: Factor | None
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return COSINES
+
+    def columns(self, run: Run) -> Array:
+        """The cosines [n, COSINES] in a run, deg/s for an amplitude of 1 deg/s; zero where the run lacks the variable."""
+        found = self.values(run)
+        if found is None:
+            return np.zeros((len(run), COSINES))
+        part = np.clip((found - self.low) / (self.high - self.low), 0.0, 1.0)
+        order = np.arange(1, COSINES + 1)
+        waves = np.cos(np.pi * part[:, None] * order) / order
+        return waves if self.times is None else waves * self.times(run)[:, None]
+
+
+def shapes(runs: Sequence[Run], axis: int) -> list[Shape]:
+    """Every shape that these runs can show on one axis."""
+    known = [run for run in runs if not run.rate_is_mean]
+    if not known:
+        return []
+    factors = _factors(known, axis)
+    out: list[Shape] = []
+    seen: list[Array] = []
+    for against, values in _variables(runs):
+        found = [v for run in known if (v := values(run)) is not None]
+        if not found:
+            continue
+        low, high = (float(of([of(v) for v in found])) for of in (np.min, np.max))
+        if high - low <= LEAST_RANGE * max(abs(low), abs(high)):
+            continue
+        course = np.concatenate([(v[:: max(1, v.size // 20)] - low) / (high - low) for v in found])
+        if any(course.size == other.size and np.abs(course - other).max() < THE_SAME for other in seen):
+            continue
+        seen.append(course)
+        times = (None,) if against in (Rate.name, SLOPE) else (None, *factors)
+        out += [Shape(against, values, low, high, t) for t in times]
+    return out
+
+
+def _factors(runs: Sequence[Run], axis: int) -> list[Factor]:
+    """The true rate, if the sensor turns about the axis, and its size, if it is neither constant nor the rate itself."""
+    rates_dps = np.concatenate([true_rate_dps(run) for run in runs])
+    rms_dps = float(np.sqrt(np.mean(rates_dps**2)))
+    if not rms_dps or all(run.axis_index != axis for run in runs):
+        return []
+    speeds_dps = np.abs(rates_dps)
+    one_way = abs(float(rates_dps @ speeds_dps)) > (1 - LEAST_SPREAD) * float(rates_dps @ rates_dps)
+
+    def rate(run: Run) -> Array:
+        return np.asarray(true_rate_dps(run) / rms_dps)
+
+    def speed(run: Run) -> Array:
+        return np.abs(rate(run))
+
+    return [rate] if one_way or float(np.std(speeds_dps)) < LEAST_SPREAD * rms_dps else [rate, speed]
+
+
+def _variables(runs: Sequence[Run]) -> list[tuple[str, Callable[[Run], Array | None]]]:
+    """Name and values of each variable, in the words of a finding."""
+    begins_s: dict[str, float] = {}
+    for run in runs:
+        if run.power_on_s is not None:
+            begins_s[run.scenario] = min(run.power_on_s, begins_s.get(run.scenario, np.inf))
+
+    def in_cycle_s(run: Run) -> Array | None:
+        since_s = power_on_time_s(run)
+        return None if since_s is None else since_s - begins_s[run.scenario]
+
+    def along(component: int) -> Callable[[Run], Array | None]:
+        def values(run: Run) -> Array | None:
+            found = acceleration_g(run)
+            return None if found is None else found[:, component]
+
+        return values
+
+    return [
+        (Time.name, elapsed_s), (PowerOnTime.name, power_on_time_s), ("cycle_time", in_cycle_s),
+        (Temperature.name, temperature_c), (Rate.name, true_rate_dps),
+        (Face.name, lambda run: np.full(len(run), run.face_sign)),
+        (SLOPE, lambda run: rate_slope_dps_s(run, run.axis_index)),
+        *((Acceleration.name, along(i)) for i in range(len(AXES))),
+    ]  # fmt: skip

@@ -1,0 +1,210 @@
+"""The columns of all hypotheses beside those of the model, and their whitened sums by run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from gyrocal.effects.base import Role
+from gyrocal.evidence.discrepancy import Shape
+from gyrocal.evidence.hypotheses import Form, Option, of_reference
+from gyrocal.inference.design import Design
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.noise.whitening import Noise, Summed
+from gyrocal.recording.session import Array, Run
+
+Index = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+
+CELLS = 1500
+"""Number of cells of time, within each of which drift is constant, that a session is cut into at most."""
+LONGEST_CELL_S = 1.0
+"""Cells are no longer than this, so that the fastest drift is resolved, unless a recording of hours needs longer ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """The columns ``[y | shared | of each run | hypotheses | shapes]`` of one axis, summed by run.
+
+    ``shared`` are the columns of the model's own terms, whose coefficients are free; those of each run have the spreads that
+    the fit found. ``at`` holds the columns of each option, ``left`` those of each shape, ``further`` others. Columns of
+    hypotheses are in units of the largest physical size of their coefficients. Terms of the fit whose effects are ``released``
+    are hypotheses themselves: the fit holds them only because it sees the readings at the times that they describe.
+    """
+
+    fit: AxisFit
+    white_sd_dps: float
+    released: frozenset[str]
+    free: Index
+    """The columns of the reference's frame and clock, whose coefficients are free as well."""
+    options: tuple[Option, ...]
+    shapes: tuple[Shape, ...]
+    at: tuple[Index, ...]
+    left: tuple[Index, ...]
+    further: tuple[Index, ...]
+    summed: tuple[Summed, ...]
+    noise_power: Array
+
+    @staticmethod
+    def of(
+        fit: AxisFit, options: Sequence[Option], shapes: Sequence[Shape] = (), *, further: Sequence[Form] = (),
+        released: Set[str] = frozenset(), white_sd_dps: float | None = None,
+    ) -> Matrix:  # fmt: skip
+        """The columns of an axis as fitted, with those of options and shapes.
+
+        ``white_sd_dps`` is the expected noise of one sample, that of the fit unless it is given.
+        """
+        design = fit.design
+        first = 1 + len(design.layout.fixed) + len(design.layout.run)
+        registered = of_reference(runs_of(fit), design.axis)
+        forms: list[Form] = [*registered, *options, *further]
+        counts = [len(form.sizes) for form in forms] + [shape.count for shape in shapes]
+        edges = first + np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
+        own = [np.arange(low, high, dtype=np.intp) for low, high in pairwise(edges)]
+        free, at, beyond, left = _parted(own, len(registered), len(options), len(further))
+        cell_s = _cell_s(design)
+        summed = [
+            Summed.of((_columns(fit, i, forms, shapes, released) for i in index), b.t_s, b.precision, cell_s, design.color)
+            for index, b in ((index, design.blocks[index[0]]) for index in design.alike)
+        ]
+        power = [_noise_power(design, i, forms, int(edges[-1])) for i in range(len(design.blocks))]
+        white = fit.noise.white_sd_dps if white_sd_dps is None else white_sd_dps
+        return Matrix(
+            fit, white, frozenset(released), np.concatenate([np.zeros(0, dtype=np.intp), *free]), tuple(options), tuple(shapes),
+            at, left, beyond, tuple(summed), np.array(power),
+        )  # fmt: skip
+
+    @property
+    def design(self) -> Design:
+        """The model's own equations."""
+        return self.fit.design
+
+    @property
+    def shared(self) -> Index:
+        """The columns whose coefficients are free."""
+        design = self.design
+        kept = (1 + j for j, (t, _) in enumerate(design.layout.fixed) if design.terms[t].effect_id not in self.released)
+        return np.concatenate([np.fromiter(kept, dtype=np.intp), self.free])
+
+    @property
+    def of_runs(self) -> Index:
+        """The columns that have a coefficient of their own in each run."""
+        return 1 + len(self.design.layout.fixed) + np.arange(len(self.design.layout.run), dtype=np.intp)
+
+    @property
+    def of_cycles(self) -> Index:
+        """The columns of bias and scale, as far as they differ from power cycle to power cycle."""
+        return 1 + np.array(self.design.layout.scenario, dtype=np.intp)
+
+    def role(self, role: Role) -> int | None:
+        """The column of bias or scale; None if the model has none."""
+        found = (1 + j for j, (t, _) in enumerate(self.design.layout.fixed) if self.design.terms[t].effect.role is role)
+        return next(found, None)
+
+    @cached_property
+    def n(self) -> int:
+        """Number of block means."""
+        return int(self.design.n_blocks.sum())
+
+    @cached_property
+    def second_dps(self) -> float:
+        """Standard deviation of the white noise's mean over a second, deg/s."""
+        n = float(np.median(np.concatenate([b.n for b in self.design.blocks])))
+        return float(self.white_sd_dps * np.sqrt(self.design.extent_s[1] / n))
+
+    def grams(self, noise: Noise) -> tuple[Array, Array]:
+        """Whitened sums of products of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs]."""
+        q = self.noise_power.shape[1]
+        grams, logdet = np.zeros((len(self.design.blocks), q, q)), np.zeros(len(self.design.blocks))
+        for index, summed in zip(self.design.alike, self.summed, strict=True):
+            found, of_one = summed.normal_equations(noise)
+            grams[index], logdet[index] = found, of_one
+        self._take_out_noise(grams, 1 / noise.white_sd_dps**2)
+        for i, j in self._free:
+            if grams[i, j, j] > 0:
+                own = grams[i, j].copy()
+                logdet[i] += np.log(own[j])
+                grams[i] -= np.outer(own, own / own[j])
+        return grams, logdet
+
+    def _take_out_noise(self, grams: Array, precision: float) -> None:
+        """Subtract what the noise of measured columns is expected to add, as :class:`gyrocal.inference.design.Design` does."""
+        scale = self.role(Role.SCALE)
+        for j in np.flatnonzero(self.noise_power.any(axis=0)).tolist():
+            power = precision * self.noise_power[:, j]
+            grams[:, j, j] -= power
+            if j == scale:
+                grams[:, 0, j] += power
+                grams[:, j, 0] += power
+
+    @cached_property
+    def _free(self) -> list[tuple[int, int]]:
+        """Pairs of a run that lacks the data of a hypothesis and the column whose coefficient is its own in that run."""
+        pairs = set()
+        for option in self.options:
+            column = self.role(option.effect.stands_for)
+            if column is not None:
+                pairs |= {(i, column) for i, lacks in enumerate(_lacking(option, self.design)) if lacks}
+        return sorted(pairs)
+
+
+def _parted(own: Sequence[Index], *counts: int) -> tuple[tuple[Index, ...], ...]:
+    """Parts of a sequence of the given lengths, and the rest."""
+    edges = np.cumsum([0, *counts, len(own) - sum(counts)])
+    return tuple(tuple(own[low:high]) for low, high in pairwise(edges))
+
+
+def _lacking(option: Form, design: Design) -> list[bool]:
+    """For each run, whether it lacks the data of an option that other runs have."""
+    lacks = [option.effect.lacks(b.run) for b in design.blocks]
+    return lacks if not all(lacks) else [False] * len(lacks)
+
+
+def _columns(
+    fit: AxisFit, i: int, forms: Sequence[Form], shapes: Sequence[Shape], released: Set[str]
+) -> Array:  # fmt: skip
+    """All columns of one run as block means, shape [q, m]."""
+    b, own = fit.design.blocks[i], fit.design.columns(i)
+    for j, (t, _) in enumerate(fit.design.layout.fixed):
+        if fit.design.terms[t].effect_id in released:  # the readings as they are without what the timing took out
+            own[0] += fit.design.origin[j] * own[1 + j]
+    rows = [own]
+    for form in forms:
+        lacks = _lacking(form, fit.design)[i]
+        found = np.zeros((b.t_s.size, len(form.sizes))) if lacks else b.mean(form.columns(b.run, fit.design.axis))
+        rows.append((found * form.unit).T)
+    rows += [b.mean(shape.columns(b.run)).T for shape in shapes]
+    return np.concatenate(rows)
+
+
+def _noise_power(design: Design, i: int, forms: Sequence[Form], size: int) -> Array:
+    """What noise adds to the squared norm of each column in one run, shape [q], in the units of the columns."""
+    power, b = np.zeros(size), design.blocks[i]
+    if not b.t_s.size:
+        return power
+    fixed = len(design.layout.fixed)
+    power[1 : 1 + fixed] = design.column_noise[i, :, 0]
+    at = 1 + fixed + len(design.layout.run)
+    for form in forms:
+        found = form.noise(b.run, design.axis, float(b.n[0]))
+        if found is not None:
+            variance = b.n @ b.mean(found[0])
+            power[at : at + variance.size] = variance * form.unit[: variance.size] ** 2
+        at += len(form.sizes)
+    return power
+
+
+def _cell_s(design: Design) -> float:
+    """How long drift is taken to be constant, s, in whole blocks; 0 = one block."""
+    block_s = design.extent_s[1]
+    total_s = block_s * float(design.n_blocks.sum())
+    blocks = int(max(min(LONGEST_CELL_S, total_s / CELLS * 2), total_s / CELLS) / block_s)
+    return blocks * block_s if blocks > 1 else 0.0
+
+
+def runs_of(fit: AxisFit) -> list[Run]:
+    """The runs of a fit, as its blocks see them."""
+    return [b.run for b in fit.design.blocks]

@@ -1,0 +1,343 @@
+"""The evidence of one set of effects: the probability of the readings, with everything that is not known integrated out.
+
+A coefficient is normal about zero. Its standard deviation is one of :data:`SIZES` values between the smallest typical size and
+the largest physical one, equally likely. The sum over the forms and sizes of each effect is taken at the best ones of the
+others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gyrocal.effects.timing import TimingEffect
+from gyrocal.evidence.matrix import Index, Matrix
+from gyrocal.evidence.states import States, factor
+from gyrocal.recording.session import Array
+
+SIZES = 4
+"""Number of standard deviations of a coefficient that are tried."""
+AMPLITUDES = (0.05, 0.15, 0.5, 1.5, 5.0, 15.0)
+"""Amplitudes of what is left over, in standard deviations of the white noise's mean over a second."""
+LEFT_OVER = 0.5
+"""Probability that something is left over which no effect describes."""
+STATES = 4
+"""Number of the likeliest states in which forms and sizes are chosen."""
+ROUNDS = 2
+ALIKE = 0.97
+"""Cosine similarity, beside the model's own columns, from which on two shapes are one, which belongs to the simpler effect."""
+LEAST_CHI2 = 1e-3
+"""Least chi-square for each degree of freedom. Below it, more noise of measured columns was taken out than is there, and what
+is left says nothing."""
+MEASURABLE = 1e-4
+"""Part of an option's squared norm that the model's own columns must leave, so that the session can measure it."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A shape that is left over (its number) with its amplitude, deg/s, and the logarithm of its probability."""
+
+    shape: int
+    amplitude_dps: float
+    log_prior: float
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A set of effects with its evidence.
+
+    ``forms`` holds for each effect the option and the size [0, SIZES) that count most. ``log_evidence`` is that with and
+    without something left over; ``by_rest`` splits it: the key is a shape's number, or None.
+    """
+
+    effects: frozenset[str]
+    forms: Mapping[str, tuple[int, int]]
+    log_evidence: float
+    by_rest: Mapping[int | None, float]
+    state: int
+    """The likeliest state of the noise."""
+    rest: Rest | None
+    """The likeliest rest in it, None if nothing is left over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """The evidence of sets on one axis."""
+
+    matrix: Matrix
+    states: States
+
+    @cached_property
+    def of_effect(self) -> dict[str, list[int]]:
+        """The measurable options of each effect."""
+        norm = np.diagonal(self.states.products[0])
+        found: dict[str, list[int]] = {}
+        for k, option in enumerate(self.matrix.options):
+            if self.measurable[k] and norm[self.matrix.at[k]].min() > 0 and not self._owned_by_a_simpler(k):
+                found.setdefault(option.effect.id, []).append(k)
+        return found
+
+    def _owned_by_a_simpler(self, k: int) -> bool:
+        """True if an effect without a nonlinear parameter has the shape that an option has at one value of such a parameter."""
+        products, option = self.states.products[0], self.matrix.options[k]
+        if not option.effect.nonlinear or isinstance(option.effect, TimingEffect):
+            return False
+        mine = self.matrix.at[k][0]
+        for other, at in zip(self.matrix.options, self.matrix.at, strict=True):
+            if other.effect.nonlinear or at.size > 1 or not products[at[0], at[0]] > 0:
+                continue
+            if abs(products[mine, at[0]]) > ALIKE * np.sqrt(products[mine, mine] * products[at[0], at[0]]):
+                return True
+        return False
+
+    @cached_property
+    def measurable(self) -> Array:
+        """For each option, whether the session can tell it from the model's own columns, shape [options]."""
+        grams, _ = self.matrix.grams(self.states.noises[0])
+        whole, beside = np.diagonal(grams.sum(axis=0)), np.diagonal(self.states.products[0])
+        share = beside / np.maximum(whole, 1e-300)
+        return np.array([bool((share[at] > MEASURABLE).any()) for at in self.matrix.at], dtype=bool)
+
+    @cached_property
+    def rests(self) -> list[Rest]:
+        """What may be left over."""
+        shapes = [k for k, at in enumerate(self.matrix.left) if np.diagonal(self.states.products[0])[at].max() > 1e-6]
+        if not shapes:
+            return []
+        each = float(np.log(LEFT_OVER / len(shapes) / len(AMPLITUDES)))
+        return [Rest(k, size * self.matrix.second_dps, each) for k in shapes for size in AMPLITUDES]
+
+    def sd(self, option: int, size: int) -> Array:
+        """Standard deviations of an option's coefficients at one of the sizes, in units of its columns, shape [k]."""
+        return self._sds[option][size]
+
+    @cached_property
+    def _sds(self) -> list[Array]:
+        """Those of each option at every size, shape [SIZES, k]."""
+        part = 1 - (np.arange(SIZES) + 0.5) / SIZES
+        return [(o.sizes[:, 0] / o.sizes[:, 1]) ** part[:, None] for o in self.matrix.options]
+
+    def weigh(self, effects: frozenset[str], start: Mapping[str, tuple[int, int]]) -> Weighed:
+        """The evidence of a set. The search for forms and sizes begins at ``start``, which may lack effects."""
+        forms = {e: start.get(e, (self.of_effect[e][0], SIZES - 1)) for e in sorted(effects)}
+        inner = dict.fromkeys(forms, 0.0)
+        places = self._likeliest(forms)
+        for _ in range(ROUNDS if len(forms) > 1 else 1):
+            for effect in forms:
+                others = {e: form for e, form in forms.items() if e != effect}
+                forms[effect], inner[effect] = self._chosen(effect, others, places)
+        return self._over_all(frozenset(effects), forms, sum(inner.values()))
+
+    def gains(self, weighed: Weighed) -> dict[str, float]:
+        """The logarithm of the factor by which each other effect raises a set's evidence, in the likeliest states."""
+        places = self._likeliest(weighed.forms)[::2]
+        base = -np.inf
+        out = dict.fromkeys((e for e in self.of_effect if e not in weighed.effects), -np.inf)
+        for state, rest in places:
+            at, sd = self._columns(weighed.forms, rest)
+            conditioned, weight = _conditioned(self.states.products[state], at, sd)
+            weight += self.states.log_weight[state] + (np.log(1 - LEFT_OVER) if rest is None else rest.log_prior)
+            base = max(base, weight - float(self._misfit(conditioned[0, 0])))
+            options = [k for effect in out for k in self.of_effect[effect]]
+            logs = self._of_forms(conditioned, options)
+            first = 0
+            for effect in out:
+                mine = logs[first : first + len(self.of_effect[effect])]
+                first += len(mine)
+                out[effect] = max(out[effect], weight + _logsum(mine) - float(np.log(mine.size)))
+        return {effect: found - base for effect, found in out.items()}
+
+    def _likeliest(self, forms: Mapping[str, tuple[int, int]]) -> list[tuple[int, Rest | None]]:
+        """The likeliest states, each with and without the likeliest rest."""
+        at, sd = self._columns(forms)
+        bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
+        near = self._near(bare)
+        places: list[tuple[int, Rest | None]] = [(int(s), None) for s in near[:STATES]]
+        if self.rests:
+            beside = self._with_rests(near, at, sd)
+            for flat in np.argsort(beside, axis=None)[::-1][:STATES].tolist():
+                s, r = np.unravel_index(flat, beside.shape)
+                places.append((int(near[s]), self.rests[int(r)]))
+        return places
+
+    def _near(self, bare: Array) -> Index:
+        """The likeliest states by those without a rest (``bare`` [s]), and the likeliest of each drift: a rest replaces it."""
+        order = np.argsort(bare)[::-1]
+        of_drift = {id(self.states.noises[s]): s for s in order[::-1].tolist()}
+        top = order[:STATES].tolist()
+        return np.array([*top, *(s for s in of_drift.values() if s not in top)], dtype=np.intp)
+
+    def _columns(self, forms: Mapping[str, tuple[int, int]], rest: Rest | None = None) -> tuple[Index, Array]:
+        """The columns of a set with their standard deviations, [c] and [c]."""
+        at = [self.matrix.at[option] for option, _ in forms.values()]
+        sd = [self.sd(option, size) for option, size in forms.values()]
+        if rest is not None:
+            at.append(self.matrix.left[rest.shape])
+            sd.append(np.full(at[-1].size, rest.amplitude_dps))
+        return (np.concatenate(at), np.concatenate(sd)) if at else (np.zeros(0, dtype=np.intp), np.zeros(0))
+
+    def _logs(self, states: Index, at: Index, sd: Array) -> Array:
+        """Logarithm of the evidence in given states [s] of columns with standard deviations [..., c], shape [s, ...]."""
+        products = self.states.products
+        chi2, weight = products[states, 0, 0], self.states.log_weight[states]
+        if at.size:
+            inner = products[states[:, None, None], at[:, None], at]
+            inner = inner.reshape(len(states), *[1] * (sd.ndim - 1), at.size, at.size)
+            cross = products[states[:, None], at, 0].reshape(len(states), *[1] * (sd.ndim - 1), at.size)
+            chol = factor(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
+            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
+            shape = [len(states)] + [1] * (sd.ndim - 1)
+            chi2 = chi2.reshape(shape) - (half**2).sum(axis=-1)
+            weight = weight.reshape(shape) - np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+        return np.asarray(weight - self._misfit(chi2))
+
+    def _misfit(self, chi2: Array) -> Array:
+        """What chi-square costs in the logarithm: Student's t. It is infinite where the data say nothing."""
+        known = chi2 > LEAST_CHI2 * self.states.degrees
+        return np.asarray(np.where(known, 0.5 * self.states.degrees * np.log(np.where(known, chi2, 1.0)), np.inf))
+
+    def _with_rests(self, states: Index, at: Index, sd: Array) -> Array:
+        """The same beside each rest, with its probability, shape [s, rests]."""
+        out = np.empty((len(states), len(self.rests)))
+        for shape in dict.fromkeys(rest.shape for rest in self.rests):
+            mine = [k for k, rest in enumerate(self.rests) if rest.shape == shape]
+            out[:, mine] = self._beside_cosines(states, at, sd, self.matrix.left[shape])
+        return out + np.array([rest.log_prior for rest in self.rests])
+
+    def _beside_cosines(self, states: Index, at: Index, sd: Array, left: Index) -> Array:
+        """The evidence beside the cosines ``left`` of each of :data:`AMPLITUDES`, shape [s, amplitudes].
+
+        With the set integrated out once, the cosines are turned to where they are independent of each other. Each amplitude
+        then costs a sum and no further solution.
+        """
+        products, size = self.states.products, at.size
+        rows = np.concatenate([[0], at, left])
+        gram = products[states[:, None, None], rows[:, None], rows]
+        weight = self.states.log_weight[states].copy()
+        if size:
+            scaled = sd[:, None] * gram[:, 1 : 1 + size]
+            chol = factor(np.eye(size) + scaled[:, :, 1 : 1 + size] * sd)
+            half = np.linalg.solve(chol, scaled)
+            gram = gram - half.swapaxes(-1, -2) @ half
+            weight -= np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+        keep = np.concatenate([[0], np.arange(1 + size, rows.size)])
+        gram = gram[:, keep[:, None], keep]
+        power, turned = np.linalg.eigh(gram[:, 1:, 1:])
+        cross = (gram[:, :1, 1:] @ turned)[:, 0] ** 2
+        variance = (np.array(AMPLITUDES) * self.matrix.second_dps)[:, None] ** 2
+        grown = 1 + variance * np.maximum(power, 0.0)[:, None]
+        chi2 = gram[:, 0, 0, None] - (variance * cross[:, None] / grown).sum(axis=-1)
+        return np.asarray(weight[:, None] - 0.5 * np.log(grown).sum(axis=-1) - self._misfit(chi2))
+
+    def _chosen(
+        self, effect: str, others: Mapping[str, tuple[int, int]], places: Sequence[tuple[int, Rest | None]]
+    ) -> tuple[tuple[int, int], float]:
+        """The form and size of an effect that count most beside others, and the logarithm of all its forms' share over it."""
+        options = self.of_effect[effect]
+        logs = np.empty((len(places), len(options), SIZES))
+        for p, (state, rest) in enumerate(places):
+            at, sd = self._columns(others, rest)
+            conditioned, weight = _conditioned(self.states.products[state], at, sd)
+            weight += self.states.log_weight[state] + (np.log(1 - LEFT_OVER) if rest is None else rest.log_prior)
+            logs[p] = weight + self._of_forms(conditioned, options)
+        together = np.logaddexp.reduce(logs, axis=0)
+        best = np.unravel_index(int(np.argmax(together)), together.shape)
+        form = options[int(best[0])], int(best[1])
+        if not np.isfinite(together[best]):
+            return form, 0.0
+        return form, _logsum(together) - float(together[best] + np.log(together.size))
+
+    def _of_forms(self, products: Array, options: Sequence[int]) -> Array:
+        """Logarithms [options, SIZES] of the evidence of single forms, given products without everything else."""
+        out = np.empty((len(options), SIZES))
+        by_count: dict[int, list[int]] = {}
+        for k, option in enumerate(options):
+            by_count.setdefault(self.matrix.at[option].size, []).append(k)
+        for members in by_count.values():
+            at = np.array([self.matrix.at[options[k]] for k in members])
+            sd = np.array([self._sds[options[k]] for k in members])
+            inner = products[at[:, :, None], at[:, None, :]][:, None]
+            cross = products[at, 0][:, None]
+            chol = factor(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
+            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
+            chi2 = products[0, 0] - (half**2).sum(axis=-1)
+            logdet = np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+            out[members] = -logdet - self._misfit(chi2)
+        return out
+
+    def _over_all(self, effects: frozenset[str], forms: Mapping[str, tuple[int, int]], inner: float) -> Weighed:
+        """The evidence summed over all states and rests."""
+        at, sd = self._columns(forms)
+        bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
+        split: dict[int | None, float] = {None: _logsum(bare) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)}
+        state, rest = int(np.argmax(bare)), None
+        top = float(bare.max()) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)
+        if self.rests:
+            near = self._near(bare)
+            logs = self._with_rests(near, at, sd)
+            for k in dict.fromkeys(r.shape for r in self.rests):
+                split[k] = _logsum(logs[:, [i for i, r in enumerate(self.rests) if r.shape == k]])
+            s, r = np.unravel_index(int(np.argmax(logs)), logs.shape)
+            if float(logs[s, r]) > top:
+                state, rest = int(near[s]), self.rests[int(r)]
+        split = {k: value + inner for k, value in split.items()}
+        return Weighed(effects, dict(forms), _logsum(np.array(list(split.values()))), split, state, rest)
+
+    def chi2(self, weighed: Weighed) -> float:
+        """What a set leaves of the readings in its likeliest state, in the variance of the expected noise."""
+        at, sd = self._columns(weighed.forms, weighed.rest)
+        return float(_conditioned(self.states.products[weighed.state], at, sd)[0][0, 0])
+
+    def likeliest_rest(self, weighed: Weighed) -> Rest | None:
+        """The rest that counts most beside a set in its likeliest state; None if nothing can be left over."""
+        if not self.rests:
+            return None
+        at, sd = self._columns(weighed.forms)
+        return self.rests[int(np.argmax(self._with_rests(np.array([weighed.state]), at, sd)))]
+
+    def coefficients(self, weighed: Weighed, state: int, rest: Rest | None) -> dict[str, Array]:
+        """The expected coefficients of each effect in units of its columns, in one state; the key of the rest is ``""``."""
+        at, sd = self._columns(weighed.forms, rest)
+        products = self.states.products[state]
+        information = np.eye(at.size) + sd[:, None] * products[np.ix_(at, at)] * sd
+        found = sd * np.linalg.solve(information, sd * products[at, 0])
+        out, first = {}, 0
+        for effect, (option, _) in weighed.forms.items():
+            count = self.matrix.at[option].size
+            out[effect] = found[first : first + count]
+            first += count
+        return out | {"": found[first:]}
+
+    def with_all_left_over(self, weighed: Weighed) -> float:
+        """The evidence of a set where all variables together may be left over, each with the same amplitude."""
+        at, sd = self._columns(weighed.forms)
+        shapes = list(dict.fromkeys(rest.shape for rest in self.rests))
+        if not shapes:
+            return weighed.log_evidence
+        left = np.concatenate([self.matrix.left[k] for k in shapes])
+        bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
+        near = self._near(bare)
+        beside = self._beside_cosines(near, at, sd, left) + np.log(LEFT_OVER / len(AMPLITUDES))
+        inner = weighed.by_rest[None] - _logsum(bare) - np.log(1 - LEFT_OVER)
+        return float(np.logaddexp(_logsum(bare) + np.log(1 - LEFT_OVER), _logsum(beside)) + inner)
+
+
+def _logsum(logs: Array) -> float:
+    """The logarithm of the sum of exponentials."""
+    top = float(np.max(logs))
+    if not np.isfinite(top):
+        return top
+    return top + float(np.log(np.exp(logs - top).sum()))
+
+
+def _conditioned(products: Array, at: Index, sd: Array) -> tuple[Array, float]:
+    """Products [q, q] with the coefficients of some columns integrated out, and the logarithm of the weight."""
+    if not at.size:
+        return products, 0.0
+    rows = sd[:, None] * products[at]
+    chol = factor(np.eye(at.size) + rows[:, at] * sd)
+    half = np.linalg.solve(chol, rows)
+    return products - half.T @ half, -float(np.log(np.diag(chol)).sum())

@@ -1,0 +1,99 @@
+"""What a file or a folder holds: a session, a model, a plan, or a log of somebody else."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.files import UNREADABLE
+from gyrocal.present.output import stdout, table
+from gyrocal.recording import readers
+from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.guess import guess
+from gyrocal.recording.header import folder_of
+from gyrocal.recording.plan_file import PlannedRuns
+from gyrocal.recording.session import Session
+
+BAG = "metadata.yaml"
+PLAN = "gyrocal-plan"
+"""What the format of a plan begins with."""
+
+
+def holds(source: Path) -> dict[str, Any]:
+    """What lies there; ``kind`` is session, model, plan or log. Raises InputError if it is none of these."""
+    path = folder_of(source)
+    if path.is_dir() and not (path / BAG).is_file():
+        return _session(Session.open(path))
+    if path.suffix == ".toml":
+        return _plan(path) if _format(path).startswith(PLAN) else _model(Model.open(path))
+    return _log(path)
+
+
+def _format(path: Path) -> str:
+    try:
+        return str(tomllib.loads(path.read_text(encoding="utf-8")).get("format"))
+    except UNREADABLE:
+        return ""  # the reader of a model says what is wrong
+
+
+def _session(session: Session) -> dict[str, Any]:
+    runs = [
+        {"file": r.file, "scenario": r.scenario, "face": r.face, "axis": r.axis, "table_rate_dps": r.table_rate_dps,
+         "turn_deg": r.turn_deg, "samples": len(r), "seconds": r.duration_s}
+        for r in session.runs
+    ]  # fmt: skip
+    columns = list(dict.fromkeys(name for run in session.runs for name in run.table.columns))
+    return {
+        "kind": "session", "sensor": session.sensor, "axis": session.axis, "sample_rate_hz": session.sample_rate_hz,
+        "columns": columns, "runs": runs,
+    }  # fmt: skip
+
+
+def _model(model: Model) -> dict[str, Any]:
+    lines = [
+        {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
+        for line in model.lines() for name, value in line.values.items()
+    ]  # fmt: skip
+    return {"kind": "model", "name": model.name, "model": model.ids, "parameters": lines}
+
+
+def _plan(path: Path) -> dict[str, Any]:
+    return {"kind": "plan", "runs": [asdict(run) for run in PlannedRuns.open(path).runs]}
+
+
+def _log(path: Path) -> dict[str, Any]:
+    source = readers.read(path)
+    found: dict[str, Any] = {"kind": "log", "rows": source.frame.height, "columns": source.frame.columns}
+    try:
+        return found | {"guessed": [g.map for g in guess(source, Scaling())], "unknown": None}
+    except InputError as error:
+        return found | {"guessed": [], "unknown": str(error)}
+
+
+def print_held(source: Path, found: dict[str, Any]) -> None:
+    """What :func:`holds` has found, in words."""
+    kind = found["kind"]
+    if kind == "log":
+        stdout.print(f"{source}: a log of {found['rows']} rows with the columns {', '.join(found['columns'])}")
+        stdout.print(found["unknown"] or "gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
+    elif kind == "model":
+        stdout.print(f"{source}: a model, {found['name']}")
+        rows = [[p["effect"], p["axis"], p["name"], f"{p['value']:.6g}"] for p in found["parameters"]]
+        table("", ["effect:", "axis:", "parameter:", "value"], rows)
+    elif kind == "plan":
+        stdout.print(f"{source}: a plan of {len(found['runs'])} runs")
+        names = list(found["runs"][0]) if found["runs"] else []
+        table("", [f"{name}:" for name in names], [[_cell(value) for value in run.values()] for run in found["runs"]])
+    else:
+        about = f"axis {found['axis']}, {found['sample_rate_hz']:g} Hz, {found['sensor'] or 'no sensor named'}"
+        stdout.print(f"{source}: a session of {len(found['runs'])} runs, {about}; columns {', '.join(found['columns'])}")
+        names = ["file", "scenario", "face", "axis", "table_rate_dps", "turn_deg", "samples", "seconds"]
+        table("", [f"{name}:" for name in names], [[_cell(run[name]) for name in names] for run in found["runs"]])
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,89 @@
+"""The sentences and rows of probabilities: of an effect, of the sets that explain an axis, and of what has no name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from gyrocal.evidence.checked import LEAST_SAME, LEAST_SHARE
+
+SHOWN = 3
+"""Number of sets of an axis that are shown at most."""
+WORTH = 0.05
+"""Sets of at least this probability are shown, and always the first of an axis."""
+LEFT_OVER = 0.5
+"""Probability from which on it is told that something without a name is left over."""
+SETS = ("axis:", "what explains it:", "of 100")
+"""The header of :func:`set_rows`."""
+
+Judged = Mapping[str, Any]
+
+
+def of_100(probability: float) -> str:
+    """A stated probability in words: of such answers, how many are right."""
+    if probability < 0.01:
+        return "fewer than 1 of 100 such answers is right"
+    return f"{100 * probability:.0f} of 100 such answers are right"
+
+
+def short(probability: float | None) -> str:
+    """A probability for a column of a table."""
+    return "-" if probability is None else f"{100 * probability:.0f} %"
+
+
+def checks(judged: Judged) -> list[tuple[str, str]]:
+    """The two checks of a candidate of ``gyrocal diagnose --json`` as rows of a name and a text; none where it has none."""
+    made = judged.get("checks")
+    if made is None:
+        return []
+    share, same_p = made["share"], made["same_in_parts_p"]
+    enough = "" if share >= LEAST_SHARE else ": less than half, so that it may be part of something without a name"
+    rows = [("its share", f"{100 * share:.0f} % of what it and an unnamed rest describe together{enough}")]
+    if same_p is None:
+        return rows
+    parts = "early and late, slow and fast, in both directions, cold and warm"
+    if same_p >= LEAST_SAME:
+        return [*rows, ("the same in parts", f"{parts}: p = {same_p:.2g}")]
+    return [*rows, ("not the same in parts", f"its size differs ({parts}; p = {same_p:.1g}): something else may pass for it")]
+
+
+def probability_rows(judged: Judged) -> list[tuple[str, str]]:
+    """The probability of a candidate of ``gyrocal diagnose --json`` and its checks, as rows of a name and a text.
+
+    There are none where it has none, or was kept by a version that gave none.
+    """
+    stated = judged.get("probability")
+    return [] if stated is None else [("probability", of_100(stated)), *checks(judged)]
+
+
+def set_rows(alternatives: Sequence[Judged], called: Callable[[str], str] = str) -> list[list[str]]:
+    """The likeliest sets of each axis of ``gyrocal diagnose --json`` in words; ``called`` names an effect by its id.
+
+    Axes whose first set is noise alone are left out.
+    """
+    rows: list[list[str]] = []
+    for axis in dict.fromkeys(a["axis"] for a in alternatives):
+        own = sorted((a for a in alternatives if a["axis"] == axis), key=lambda a: -a["probability"])
+        if not own[0]["effects"] and not own[0]["unnamed"]:
+            continue
+        shown = [own[0], *(a for a in own[1:SHOWN] if a["probability"] >= WORTH)]
+        rows += [[axis, in_words(a, called), f"{100 * a['probability']:.0f}"] for a in shown]
+    return rows
+
+
+def in_words(found: Judged, called: Callable[[str], str] = str) -> str:
+    """A set in words: its effects, and against which variable something without a name is left over."""
+    parts = [called(id_) for id_ in found["effects"]]
+    parts += [f"something without a name, against {against.replace('_', ' ')}" for against in found["unnamed"]]
+    return " and ".join(parts) or "noise alone"
+
+
+def left_over(alternatives: Sequence[Judged]) -> str:
+    """The sentence about axes on which something without a name is left over; empty if there are none."""
+    told = []
+    for axis in dict.fromkeys(a["axis"] for a in alternatives):
+        unnamed = [a for a in alternatives if a["axis"] == axis and a["unnamed"]]
+        if sum(a["probability"] for a in unnamed) >= LEFT_OVER:
+            first = max(unnamed, key=lambda a: a["probability"])
+            told.append(f"on {axis}, against {first['unnamed'][0].replace('_', ' ')}")
+    return f"Something is left over that no effect describes: {'; '.join(told)}." if told else ""

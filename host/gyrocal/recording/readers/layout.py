@@ -1,0 +1,320 @@
+"""Where the table of a text lies: its header, the separator of its cells, and how many of them a row has.
+
+A header names each cell of the rows below it, in order. Three differences are tolerated, each by a rule of its own: a mark of a
+comment before the header (``# t gx gy gz``) is no cell; the first column may have no name, as an index has none, where the
+header holds an empty cell for it (``,t,gx,gy,gz``); and the same empty cells may stand at the end of all rows or of the header,
+as separators at the end of lines make them. Any other difference is refused, because nobody knows which name belongs to which
+cell.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gyrocal.errors import InputError
+
+HEADER_SEARCH_LINES = 200
+ROWS_LOOKED_AT = 20
+"""Rows below a header whose cells are counted; most of them have the table's number."""
+BLANKS = "\n\0 "
+QUOTES = " \t\"'"
+SEPARATORS = ",\t;| "
+MARK = re.compile(r"^(?:#+(?!(?:N/A|DIV/0!|NAME\?|NULL!|NUM!|REF!|VALUE!))|%+|//+|;+)")
+"""A mark of a comment at the beginning of a line. What a spreadsheet writes for an error begins with such a character too."""
+UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
+"""What a line of units below the columns' names is made of, in lower case."""
+DECIMAL_COMMAS = "decimal commas and commas between the cells look alike; save it with semicolons or tabs between the cells"
+EMPTY_BY_TABS = re.compile(r"\t *\t|^ *\t")
+CLOCK = re.compile(r"\d:\d\d")
+"""What a cell that holds a time of day has."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """``names`` of the columns in order, the number of cells in a row (``width``), and the place of the first row, from 0."""
+
+    names: list[str]
+    width: int
+    first: int
+    separator: str
+
+
+@dataclass(frozen=True)
+class _Mismatch:
+    """A header whose cells are not those of the rows below it: ``row`` is the first of these, ``why`` says it in words."""
+
+    head: list[str]
+    row: int
+    why: str
+
+    def error(self, path: Path, option: str) -> InputError:
+        """The refusal, which names the option that states the columns."""
+        advice = f"; correct the header, or name all columns in their order by {option}columns a,b,c"
+        return InputError(f"{path}: row {self.row + 1}: {self.why}{'' if DECIMAL_COMMAS in self.why else advice}")
+
+
+def find(path: Path, lines: Sequence[str], names: Sequence[str], skip: int | None, option: str) -> Layout:
+    """The layout of a table by its first lines. Its header holds all ``names``; without names, it is above two rows of numbers.
+
+    ``skip``: the number of lines above the header. ``option``: what the options begin with that an error names.
+    """
+    mismatch: _Mismatch | None = None
+    for found in _named(lines, names, skip) if names else _unnamed(lines, skip):
+        if isinstance(found, Layout):
+            return found
+        mismatch = mismatch or found
+    if mismatch is not None:
+        raise mismatch.error(path, option)
+    if not names:
+        raise InputError(f"{path}: no header above rows of numbers; {_shown(lines, skip)} ({why_no_table(lines, option)})")
+    where = "no line" if skip is None else f"row {skip + 1}"
+    raise InputError(
+        f"{path}: {where} names the columns {', '.join(dict.fromkeys(names))}; {_shown(lines, skip)} "
+        f"(other names: {option}map; no header: {option}columns a,b,c)"
+    )
+
+
+def find_rows(
+    path: Path, lines: Sequence[str], columns: Sequence[str], names: Sequence[str], skip: int | None, option: str
+) -> Layout:
+    """The layout of a table whose ``columns`` are stated, from the first row that has as many cells and the wanted numbers."""
+    wanted = [i for i, column in enumerate(columns) if column in (names or columns)]
+    counted: Counter[int] = Counter()
+    for number, line in _window(lines, skip):
+        for separator in SEPARATORS:
+            cells = _cells(line, separator)
+            if not _holds_row(line, separator) or len(cells) < len(columns) or any(cells[len(columns) :]):
+                counted[len(cells)] += len(cells) > 1 and mostly_numbers(cells)
+            elif all(is_number(cells[i], True) or CLOCK.search(cells[i]) for i in wanted):
+                rows = _rows_below(lines, number - 1, separator)
+                if _width(rows) == len(cells):
+                    return Layout(list(columns), len(cells), number, separator)
+    named = ", ".join(dict.fromkeys(names or columns))
+    most = counted.most_common(1)
+    other = f"most rows have {most[0][0]} cells: name as many; " if most and most[0][1] and most[0][0] != len(columns) else ""
+    raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {other}{_shown(lines, skip)}")
+
+
+def is_comment(line: str, separator: str) -> bool:
+    """True if a line begins with a mark of a comment; the separator of the cells is none."""
+    return MARK.match(line.lstrip(QUOTES)) is not None and line.lstrip(QUOTES)[0] != separator
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line as they are written. Blanks separate no cells where tabs stand about an empty one."""
+    if separator == " ":
+        return [line] if EMPTY_BY_TABS.search(line) else line.split()
+    return next(csv.reader([line], delimiter=separator), []) if '"' in line else line.split(separator)
+
+
+def is_number(cell: str, empty: bool = False) -> bool:
+    """True if a cell holds a number, also with a decimal comma; for an empty one, ``empty``."""
+    try:
+        float(cell.replace(",", ".") or ("0" if empty else "-"))
+    except ValueError:
+        return False
+    return True
+
+
+def mostly_numbers(cells: Sequence[str]) -> bool:
+    """True if more cells hold numbers than words. Cells are empty where a slower sensor of the same table has none."""
+    return 2 * sum(map(is_number, cells)) > sum(cell != "" for cell in cells)
+
+
+def why_no_table(lines: Sequence[str], option: str = "--") -> str:
+    """What to do with a text in which no table is found."""
+    start = lines[0].lstrip()[:1]
+    if start in ("{", "["):
+        return "this is JSON; save it as CSV, as pandas.read_json(FILE, lines=True).to_csv does"
+    if start == "<":
+        return "this is XML or HTML; save the table in it as CSV"
+    head = max((_cells(lines[0], separator) for separator in SEPARATORS), key=len)
+    if len(lines) < 3 and len(head) > 1 and not mostly_numbers(head):
+        rows = "1 row" if len(lines) == 2 else "no rows"
+        return f"{rows} below the header; a recording has two samples at least"
+    last = lines[-1]
+    if last.count(",") + 1 == 2 * len(_without_tail(_cells(lines[0], ","))) > 2:
+        return DECIMAL_COMMAS
+    if re.search(r"\b0[xX][0-9a-fA-F]+\b", last):
+        return "hexadecimal numbers are not read; write decimal ones"
+    if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[-+.\d]+", last):
+        return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
+    return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+
+
+def _named(lines: Sequence[str], names: Sequence[str], skip: int | None) -> Iterator[Layout | _Mismatch]:
+    """The lines that hold every wanted name, each as the header of what is below it."""
+    for number, line in _window(lines, skip):
+        for separator in SEPARATORS:
+            for head in (_names(line, separator), *_grouped(lines, number, separator)):
+                if set(names) <= set(head):
+                    yield _below(lines, number, separator, [head])
+
+
+def _unnamed(lines: Sequence[str], skip: int | None) -> Iterator[Layout | _Mismatch]:
+    """The headers above two rows of numbers, those with most cells first; then the mismatches."""
+    found: list[Layout] = []
+    mismatched: list[_Mismatch] = []
+    for separator in SEPARATORS:
+        first: _Mismatch | None = None
+        for row in _starts_of_numbers(lines, separator):
+            above = [_below(lines, number, separator) for number in _headers_above(lines, row, separator, skip)]
+            fits = next((a for a in above if isinstance(a, Layout)), None)
+            if fits is not None:
+                found.append(fits)
+                break
+            first = first or next((a for a in above if isinstance(a, _Mismatch) and len(a.head) > 1), None)
+        else:
+            mismatched += [first] if first is not None else []
+    yield from sorted(found, key=lambda f: len(f.names), reverse=True)
+    yield from sorted(mismatched, key=lambda m: len(m.head), reverse=True)
+
+
+def _starts_of_numbers(lines: Sequence[str], separator: str) -> Iterator[int]:
+    """The places of lines with which rows of numbers begin, two at least."""
+    rows = [(n, _cells(line, separator)) for n, line in enumerate(lines) if _holds_row(line, separator)]
+    numbers = [len(cells) > 1 and mostly_numbers(cells) for _, cells in rows]
+    for k in range(len(rows) - 1):
+        if numbers[k] and numbers[k + 1] and not (k and numbers[k - 1]):
+            yield rows[k][0]
+
+
+def _headers_above(lines: Sequence[str], row: int, separator: str, skip: int | None) -> Iterator[int]:
+    """The places of what may be the header of a row: the comments above it, from below, and the line above these."""
+    for number in range(row - 1, -1, -1):
+        line = lines[number]
+        if not line.strip(BLANKS):
+            continue
+        if _is_of_units(_cells(line, separator)) and not _grouped(lines, number, separator):
+            continue
+        if skip in (None, number) and number < HEADER_SEARCH_LINES and not _is_of_numbers(_names(line, separator)):
+            yield number
+        if not is_comment(line, separator):
+            return
+
+
+def _is_of_numbers(cells: Sequence[str]) -> bool:
+    return not cells or is_number(cells[0]) or mostly_numbers(cells)
+
+
+def _below(
+    lines: Sequence[str], number: int, separator: str, heads: Sequence[list[str]] | None = None
+) -> Layout | _Mismatch:
+    """The table below a header, whose names are read in one of several ways."""
+    heads = heads or [*_grouped(lines, number, separator), _names(lines[number], separator)]
+    first = number + 1
+    below = [n for n in range(first, len(lines)) if lines[n].strip(BLANKS)]
+    if below and _is_of_units(_cells(lines[below[0]], separator)):
+        first = below[0] + 1
+    rows = _rows_below(lines, first - 1, separator)
+    if not rows:
+        return Layout(_without_tail(heads[0]), max(1, len(_without_tail(heads[0]))), first, separator)
+    width = _width(rows)
+    usual = [(n, cells) for n, cells in rows if len(cells) == width]
+    for head in heads:
+        if _fits(head, width, [cells for _, cells in usual]):
+            return Layout(_without_tail(head), width, first, separator)
+    row, cells = usual[0]
+    head = _without_tail(heads[-1])
+    return _Mismatch(head, row, _difference(head, _without_tail(cells), number + 1, separator))
+
+
+def _difference(head: Sequence[str], cells: Sequence[str], row: int, separator: str) -> str:
+    """How a header in this row of the file and the cells below it differ, in words."""
+    if len(head) >= len(cells) and "" in head[1:]:
+        return f"column {head.index('', 1) + 1} of {len(cells)} has no name in the header in row {row}"
+    counts = f"{len(cells)} cells, and the header in row {row} has {len(head)}"
+    return f"{counts}; {DECIMAL_COMMAS}" if separator == "," and len(cells) == 2 * len(head) > 2 else counts
+
+
+def _fits(head: Sequence[str], width: int, rows: Sequence[Sequence[str]]) -> bool:
+    """True if each cell has a name, but for those of the first column and for empty ones."""
+    names = _without_tail(head)
+    unnamed = [i for i in range(1, width) if i >= len(names) or not names[i]]
+    return len(names) <= width and not any(row[i] for row in rows for i in unnamed)
+
+
+def _rows_below(lines: Sequence[str], number: int, separator: str) -> list[tuple[int, list[str]]]:
+    """The first rows below a line, each with its place and its cells."""
+    rows = ((n, lines[n]) for n in range(number + 1, len(lines)))
+    held = [(n, _cells(line, separator)) for n, line in rows if _holds_row(line, separator)][:ROWS_LOOKED_AT]
+    return [(n, cells) for n, cells in held if any(map(is_number, cells))] or held
+
+
+def _holds_row(line: str, separator: str) -> bool:
+    return bool(line.strip(BLANKS)) and not is_comment(line, separator)
+
+
+def _width(rows: Sequence[tuple[int, list[str]]]) -> int:
+    """The number of cells that most rows have."""
+    return Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
+
+
+def _is_of_units(cells: Sequence[str]) -> bool:
+    """True if a line has units in place of names or numbers."""
+    return any(cells) and all(re.fullmatch(UNITS, cell.lower()) for cell in cells if cell)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip(QUOTES) for cell in split(line, separator)]
+
+
+def _names(line: str, separator: str) -> list[str]:
+    """The names in a header, without a mark of a comment before them.
+
+    A mark that stands alone before a blank is no cell. Before another separator it is one, and names a column of numbers.
+    """
+    written = split(line, separator)
+    if not written:
+        return []
+    first, *others = (cell.strip(QUOTES + "#") for cell in written)
+    if is_comment(line, separator):
+        first = MARK.sub("", written[0].strip(QUOTES)).strip(QUOTES + "#")
+        if not first and separator in " \t":
+            return others
+    return [first, *others]
+
+
+def _grouped(lines: Sequence[str], number: int, separator: str) -> list[list[str]]:
+    """The columns' names in a line, each behind what the line above says of it, if that line heads groups of columns.
+
+    ``Gyroscope,,,Angle`` above ``X,Y,Z,deg`` gives ``Gyroscope X``, ``Gyroscope Y``, ``Gyroscope Z`` and ``Angle (deg)``.
+    """
+    own = _without_tail(_names(lines[number], separator))
+    before = next((line for line in reversed(lines[:number]) if line.strip(BLANKS)), "")
+    above = _without_tail(_names(before, separator))
+    single = len(set(own)) == len(own) and not _is_of_units(own)
+    if single or not 2 <= len(above) <= len(own) or any(map(is_number, above)) or (all(above) and len(above) < len(own)):
+        return []
+    if _is_of_units(own) and (len(above) < len(own) or any(unit and not name for name, unit in zip(above, own, strict=True))):
+        return []
+    names, group = [], ""
+    for i, cell in enumerate(own):
+        alone = i < len(above) and above[i] != ""
+        group = above[i] if alone else group
+        unit = alone and re.fullmatch(UNITS, cell.lower()) is not None
+        names.append(f"{group} ({cell})" if unit else f"{group} {cell}".strip())
+    return [names]
+
+
+def _without_tail(cells: Sequence[str]) -> list[str]:
+    """The cells without empty ones at the end: some programs end each line with a separator."""
+    kept = list(cells)
+    while kept and not kept[-1]:
+        kept.pop()
+    return kept
+
+
+def _window(lines: Sequence[str], skip: int | None) -> list[tuple[int, str]]:
+    first, last = (0, HEADER_SEARCH_LINES) if skip is None else (skip, skip + 1)
+    return list(enumerate(lines))[first:last]
+
+
+def _shown(lines: Sequence[str], skip: int | None) -> str:
+    first = skip or 0
+    return f"row {first + 1} is {(lines[first : first + 1] or ['nothing'])[0][:120]!r}"

@@ -1,0 +1,34 @@
+"""A line that the reference alone holds, such as the beat of an encoder's steps with the sampling, is no tone of the sensor."""
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+RATE_HZ, TONE_HZ, TONE_DPS = 100.0, 17.3, 0.15
+T_S = np.arange(3000) / RATE_HZ
+
+
+def session(in_sensor: float, in_reference: float) -> Session:
+    """A slow swing in four power cycles with a line in the readings, in the measured rate or in both, deg/s."""
+    rng = np.random.default_rng(3)
+
+    def run(cycle: int) -> object:
+        true_dps = 60 * np.sin(2 * np.pi * 0.05 * T_S + cycle)
+        line = np.sin(2 * np.pi * TONE_HZ * T_S + rng.uniform(0, 6.28))
+        gyro = rng.normal(0, 0.05, (T_S.size, 3))
+        gyro[:, 2] += 1.002 * true_dps + 0.3 + in_sensor * line
+        measured = true_dps + in_reference * line
+        return make_run(T_S, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=RATE_HZ, rate_ref_dps=measured)
+
+    return make_session(*(run(k) for k in range(4)))
+
+
+@pytest.mark.parametrize(
+    ("in_sensor", "in_reference", "named"), [(TONE_DPS, 0.0, True), (0.0, TONE_DPS, False), (TONE_DPS, 2 * TONE_DPS, False)]
+)
+def test_a_tone_is_named_where_the_sensor_alone_has_it(in_sensor: float, in_reference: float, named: bool) -> None:
+    sure = {c.effect.id for c in diagnose(session(in_sensor, in_reference)).candidates if c.decision == "add"}
+    assert ("vibration_tone" in sure) is named

@@ -1,0 +1,79 @@
+"""What the evidence says of sessions whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyrocal.evidence.answer import Evidence, weigh
+
+from .sessions import fitted, session
+
+EVEN, SURE = 0.0, float(np.log(99))
+
+
+def evidence(made) -> Evidence:  # type: ignore[no-untyped-def]
+    fit = fitted(made)
+    found = weigh(fit, [t.effect_id for t in fit.terms])
+    assert found is not None
+    return found
+
+
+def test_noise_alone_names_nothing() -> None:
+    for seed in range(2):
+        found = evidence(session(seed))
+        assert max(found.log_odds.values()) < EVEN
+        first = found.alternatives[0]
+        assert (first.effects, first.unnamed) == ((), ())
+
+
+def test_the_probabilities_of_sets_add_up_to_one_at_most() -> None:
+    found = evidence(session(11, lambda t, c, w, k: 0.001 * (c - 25)))
+    assert 0.9 < sum(a.probability for a in found.alternatives) <= 1 + 1e-9
+
+
+def test_an_effect_that_is_planted_is_certain_and_passes_both_checks() -> None:
+    found = evidence(session(2, lambda t, c, w, k: 4e-4 * abs(w)))
+    assert found.log_odds["scale_asymmetry"] > SURE
+    assert max(p for e, p in found.log_odds.items() if e != "scale_asymmetry") < EVEN
+    checks = found.checks["scale_asymmetry"]
+    assert checks.share > 0.5
+    assert (checks.same_in_parts_p or 0.0) > 1e-3
+
+
+def test_two_effects_that_hide_each_other_are_found_together() -> None:
+    """What grows with the square of the rate and what grows with its size overlap; the set of both is the answer."""
+    rates_dps = (0.0, 30.0, -30.0, 75.0, -75.0, 130.0, -130.0)
+    found = evidence(session(3, lambda t, c, w, k: 1e-3 * abs(w) - 1e-5 * w**2, cycles=4, rates_dps=rates_dps))
+    assert found.alternatives[0].effects == ("centripetal", "scale_asymmetry")
+
+
+def test_what_no_effect_describes_is_a_rest_against_its_variable() -> None:
+    """A wave over the temperature has no name."""
+    found = evidence(session(4, lambda t, c, w, k: 0.02 * np.sin(2.2 * c)))
+    assert max(found.log_odds.values()) < np.log(9)
+    best = found.alternatives[0]
+    assert "temperature" in best.unnamed
+
+
+def test_an_effect_in_half_of_the_data_is_not_the_same_in_parts() -> None:
+    """An asymmetry that only the later power cycles have is no property of the sensor."""
+    found = evidence(session(5, lambda t, c, w, k: 8e-4 * abs(w) * (k >= 3)))
+    checks = found.checks.get("scale_asymmetry")
+    assert checks is None or (checks.same_in_parts_p is not None and checks.same_in_parts_p < 1e-3)
+
+
+def test_the_order_of_the_runs_changes_nothing() -> None:
+    made = session(6, lambda t, c, w, k: 1.5e-4 * abs(w))
+    turned = replace(made, runs=tuple(made.runs[::-1]))
+    one, other = evidence(made).log_odds, evidence(turned).log_odds
+    assert one == pytest.approx(other, abs=0.02)
+
+
+def test_a_run_without_a_thermometer_hides_no_effect_of_temperature() -> None:
+    """Its bias is its own, and the others still show the coefficient."""
+    made = session(8, lambda t, c, w, k: 0.02 * (c - 25))
+    runs = [
+        replace(run, frame=run.table.drop("temp_c")) if i in (3, 12) else run for i, run in enumerate(made.runs)
+    ]  # fmt: skip
+    assert evidence(replace(made, runs=tuple(runs))).log_odds["bias_temperature"] > SURE

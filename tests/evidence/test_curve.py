@@ -1,0 +1,50 @@
+"""The stated probability: monotone, never above what was proved, and the share that was true where it was fitted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gyrocal.evidence import curve as told
+from gyrocal.evidence.checked import Checks
+from study import study
+
+edge_curve = study("edge_curve")
+PASSED, FAILED = Checks(0.9, 0.4), Checks(0.3, 0.4)
+
+
+def row(*candidates: tuple[float, bool, Checks | None]) -> dict[str, Any]:
+    """A result with candidates of given log odds, some of which are right."""
+    named = [
+        {"effect": f"e{k}", "axis": "z", "log_odds": p, "checks": None if c is None else vars(c)}
+        for k, (p, _, c) in enumerate(candidates)
+    ]
+    right = [[f"e{k}", "z"] for k, (_, true, _) in enumerate(candidates) if true]
+    return {"error": None, "truth": {"right": right}, "candidates": named}
+
+
+def test_a_stated_probability_rises_with_the_evidence_up_to_what_was_proved() -> None:
+    found = [told.stated(log_odds, PASSED) for log_odds in np.linspace(-20, 40, 101)]
+    assert np.all(np.diff(found) >= 0)
+    assert found[-1] == told.KNOTS[-1][1]
+    assert all(0 <= p <= 1 for p in found)
+
+
+def test_a_failed_check_is_told_no_more_than_such_names_were_right() -> None:
+    assert told.stated(30.0, FAILED) <= told.FAILED
+    assert told.stated(30.0, Checks(0.9, 1e-6)) <= told.FAILED
+    assert Checks(0.9, None).passed
+
+
+def test_neighbours_are_pooled_until_the_shares_rise() -> None:
+    found = edge_curve.rising([(0.1, 1, 10), (3.0, 6, 10), (7.0, 4, 10), (9.5, 9, 10)])
+    assert found == [(0.1, 1, 10), (10.0, 10, 20), (9.5, 9, 10)]
+
+
+def test_the_curve_of_made_results_is_their_share_and_its_end_the_lower_bound() -> None:
+    rows = [row((-3.0, k == 0, None), (0.6, k < 5, PASSED), (30.0, k < 19, PASSED), (5.0, k < 4, FAILED)) for k in range(20)]
+    knots, failed = edge_curve.curve(rows)
+    assert knots[0] == (-3.0, 0.05)
+    assert (0.6, 0.25) in knots
+    assert knots[-1][1] == pytest.approx(1 - 0.216, abs=0.002)  # Clopper and Pearson, one of twenty wrong
+    assert failed == pytest.approx(0.2)

@@ -1,0 +1,77 @@
+"""The port on a board in virtual time (the folder board), and what it says there."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gyrocal.device.wire import Reader, Sentence
+from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
+
+HERE = Path(__file__).parent
+SANITIZE = ["-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+PINS = ["-DGYROCAL_SDA=21", "-DGYROCAL_SCL=22", "-DGYROCAL_SDA2=17", "-DGYROCAL_SCL2=16", "-DGYROCAL_LED=13"]
+CHIPS = [f"0 chip {i}" for i in range(4)]
+UP = [8950 + 10 * i for i in range(4)]
+DOWN = [-8960 - 10 * i for i in range(4)]
+
+WIRED = "-DGYROCAL_INT1=27"
+
+Play = Callable[..., str]
+
+
+def compile_board(folder: Path, gxx: str, gcc: str, *more: str) -> Path:
+    folders = [f"-I{f}" for f in (SRC, CORE, INCLUDE, SIM, HERE / "arduino")]
+    common = [*SANITIZE, *PINS, *more, *folders, "-c"]
+    core = [*CORE.rglob("*.c"), *SIM.glob("emul*.c"), SRC / "headers.c"]
+    subprocess.run([gcc, "-std=gnu99", *common, *map(str, core)], cwd=folder, check=True)
+    sources = [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")]
+    subprocess.run([gxx, "-std=gnu++14", *common, *map(str, sources)], cwd=folder, check=True)
+    program = folder / "board"
+    objects = sorted(map(str, folder.glob("*.o")))
+    subprocess.run([gxx, *SANITIZE, *objects, "-pthread", "-lm", "-o", str(program)], check=True)
+    return program
+
+
+@pytest.fixture(scope="session")
+def play(require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Play:
+    """`play(script, seconds, flash, *flags)`: what the port, built with these flags, writes to its serial port."""
+    gxx, gcc = require_tool("g++"), require_tool("gcc")
+    built: dict[tuple[str, ...], Path] = {}
+
+    def run(script: list[str], seconds: float, flash: Path | None = None, *flags: str) -> str:
+        if flags not in built:
+            built[flags] = compile_board(tmp_path_factory.mktemp("board"), gxx, gcc, *flags)
+        flash = flash or tmp_path_factory.mktemp("flash") / "flash"
+        text = "\n".join(sorted(script, key=lambda line: float(line.split()[0]))) + "\n"
+        done = subprocess.run(
+            [built[flags], str(flash), str(seconds)], input=text, capture_output=True, encoding="latin-1", timeout=120
+        )
+        assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
+        return done.stdout
+
+    return run
+
+
+def sentences(text: str, tag: str | None = None, imu: int | None = None) -> list[Sentence]:
+    """What was said, every line whole."""
+    reader = Reader()
+    said = reader.feed(text.encode("latin-1"))
+    assert (reader.bad, reader.overlong) == (0, 0)
+    return [s for s in said if tag in (None, s.tag) and imu in (None, s.imu)]
+
+
+def values(text: str, tag: str, name: str) -> list[str]:
+    return [s.fields[name] for s in sentences(text, tag)]
+
+
+def turn(at_s: float, counts: list[int]) -> list[str]:
+    """All sensors see the table turn from now on, each with a scale of its own."""
+    return [f"{at_s} world {i} 0 0 0 {n} 0 0 {16393 if n > 0 else -16393}" for i, n in enumerate(counts)]
+
+
+def pair(count: int = 4) -> list[str]:
+    return [
+        *CHIPS[:count], *turn(0, UP), "1 > start up", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop",
+    ]  # fmt: skip

@@ -1,0 +1,144 @@
+"""The core as a library: its examples run on the simulated board, and CMake builds it."""
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.core.firmware_project import create_library
+from gyrocal_firmware import CORE, LIBRARY, SIM
+
+from .conftest import HERE, PINS, SANITIZE, sentences, turn
+
+UP, DOWN = [8950], [-8960]
+EXAMPLES = ["Calibrate", "CorrectedStream", "ReadingsOnly"]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("library") / "gyrocal_core"
+    create_library(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def objects(library: Path, require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library's C, the emulated parts and the board without the firmware's port."""
+    folder = tmp_path_factory.mktemp("objects")
+    flags = [*SANITIZE, *PINS, f"-I{library / 'src'}", f"-I{SIM}", f"-I{HERE / 'arduino'}", "-c"]
+    sources = [*(library / "src").rglob("*.c"), *SIM.glob("emul*.c")]
+    subprocess.run([require_tool("gcc"), "-std=gnu99", *flags, *map(str, sources)], cwd=folder, check=True)
+    board = map(str, (HERE / "board").glob("*.cpp"))
+    subprocess.run([require_tool("g++"), "-std=gnu++14", *flags, *board], cwd=folder, check=True)
+    return folder
+
+
+@pytest.fixture
+def sketch(
+    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path
+) -> Callable[[str, list[str], float], str]:
+    """`sketch(example, script, seconds)`: what an example writes to its serial port on the simulated board."""
+
+    def run(example: str, script: list[str], seconds: float) -> str:
+        source = library / "examples" / example / f"{example}.ino"
+        flags = [*SANITIZE, "-Wall", "-Wextra", "-Werror", f"-I{library / 'src'}", f"-I{HERE / 'arduino'}", "-pthread"]
+        program = tmp_path / example
+        linked = sorted(map(str, objects.glob("*.o")))
+        command = [require_tool("g++"), "-std=gnu++11", *flags, "-x", "c++", str(source), "-x", "none", *linked, "-lm"]
+        subprocess.run([*command, "-o", str(program)], check=True)
+        text = "\n".join(sorted(script, key=lambda line: float(line.split()[0]))) + "\n"
+        done = subprocess.run(
+            [program, str(tmp_path / "flash"), str(seconds)], input=text, capture_output=True, encoding="latin-1", timeout=120
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+        return done.stdout
+
+    return run
+
+
+@pytest.mark.parametrize("part", ["LSM6DSO", "MPU-6050"])
+def test_calibrate(sketch: Callable[[str, list[str], float], str], part: str) -> None:
+    runs = [*turn(0, UP), "1 > start up", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop"]
+    text = sketch("Calibrate", [f"0 chip 0 {part}", *runs], 16)
+    assert not sentences(text, "ERR")
+    assert sentences(text, "HEL")[0].fields["sensor"] == part
+    answer = next(s for s in sentences(text, "CAL") if s.fields["method"] == "baseline" and s.real("seconds") == 6.0)
+    assert answer.real("scale") == pytest.approx((UP[0] - DOWN[0]) * 0.00875 / 156 - 1, abs=5 * (answer.real("scale_se") or 0))
+
+
+def test_corrected_stream(sketch: Callable[[str, list[str], float], str]) -> None:
+    source = (LIBRARY / "examples/CorrectedStream/CorrectedStream.ino").read_text()
+    scale, bias_dps = (float(re.search(rf"{name}\[3\] = .* ([-.\d]+)\}}", source)[1]) for name in ("SCALE", "BIAS_DPS"))  # type: ignore[index]
+    text = sketch("CorrectedStream", ["0 chip 0", *turn(0, UP)], 3)
+    rates = np.array([line.split() for line in text.splitlines() if line.count(" ") == 2 and "#" not in line], float)
+    assert len(rates) > 100
+    assert rates[:, 2].mean() == pytest.approx((8950 * 0.00875 - bias_dps) / (1 + scale), abs=0.02)
+
+
+def test_readings_only(sketch: Callable[[str, list[str], float], str]) -> None:
+    text = sketch("ReadingsOnly", ["0 chip 0 ICM-42688-P", *turn(0, UP)], 2)
+    assert "ICM-42688-P\n" in text.replace("\r", "")
+    rows = np.array([line.split() for line in text.splitlines() if line.count(" ") == 3 and "#" not in line], float)
+    assert len(rows) > 100
+    np.testing.assert_allclose(rows[1:].mean(axis=0), [0, 0, 8950 * 0.00875, 25], atol=0.03)
+    text = sketch("ReadingsOnly", [], 3)
+    assert "no sensor: check the wiring" in text
+    assert "the sensor is not set up yet" in text
+
+
+def test_cmake_builds_the_target_without_a_warning(
+    library: Path, require_tool: Callable[[str], str], tmp_path: Path
+) -> None:
+    """As a subdirectory of a program that uses it."""
+    (tmp_path / "main.c").write_text(
+        '#include "gc_parts.h"\n#include <stdio.h>\nint main(void) { puts(gc_parts[0]->name); return 0; }\n'
+    )
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(mine C)\n"
+        f'add_compile_options(-Wall -Wextra -Werror)\nadd_subdirectory("{library}" core)\n'
+        "add_executable(mine main.c)\ntarget_link_libraries(mine gyrocal_core)\n"
+    )
+    for command in (["-S", str(tmp_path), "-B", str(tmp_path / "build")], ["--build", str(tmp_path / "build")]):
+        done = subprocess.run([require_tool("cmake"), *command], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert subprocess.run([tmp_path / "build" / "mine"], capture_output=True, text=True, check=True).stdout == "LSM6DSO\n"
+
+
+def test_esp_idf_registers_every_source(library: Path, require_tool: Callable[[str], str], tmp_path: Path) -> None:
+    """With ESP-IDF's function in place of a stub that says what it was given."""
+    (tmp_path / "component.cmake").write_text(
+        "set(ESP_PLATFORM 1)\nset(COMPONENT_LIB core)\nfunction(idf_component_register)\nforeach(word ${ARGV})\n"
+        f'message(STATUS "given ${{word}}")\nendforeach()\nendfunction()\nfunction(target_compile_options)\nendfunction()\n'
+        f'set(CMAKE_CURRENT_LIST_DIR "{library}")\ninclude("{library}/CMakeLists.txt")\n'
+    )
+    done = subprocess.run([require_tool("cmake"), "-P", str(tmp_path / "component.cmake")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    given = re.findall(r"given (\S+)", done.stdout)
+    assert {Path(word).name for word in given if word.endswith(".c")} == {p.name for p in CORE.rglob("*.c")} | {"headers.c"}
+    assert given[-2:] == ["INCLUDE_DIRS", "src"]
+
+
+def test_the_manifests_name_what_is_there(library: Path) -> None:
+    manifest = json.loads((library / "library.json").read_text())
+    properties = dict(line.split("=", 1) for line in (library / "library.properties").read_text().splitlines())
+    version = re.search(r'GC_FIRMWARE_VERSION "([^"]+)"', (CORE / "gc_device.h").read_text())
+    assert version is not None
+    assert manifest["version"] == properties["version"] == version[1]
+    assert f'version: "{version[1]}"' in (library / "idf_component.yml").read_text()
+    assert [e["name"] for e in manifest["examples"]] == EXAMPLES == sorted(p.name for p in (library / "examples").iterdir())
+    assert all((library / e["base"] / f).is_file() for e in manifest["examples"] for f in e["files"])
+    assert all((library / "src" / header).is_file() for header in [*manifest["headers"], properties["includes"]])
+
+
+def test_the_command_writes_it_and_leaves_other_folders_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["firmware", str(tmp_path / "mine"), "--library"]) == 0
+    assert main(["firmware", str(tmp_path / "mine"), "--library"]) == 0
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "file").write_text("")
+    assert main(["firmware", str(tmp_path / "other"), "--library"]) == 2
+    assert "give a new folder" in capsys.readouterr().err

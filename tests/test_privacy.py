@@ -1,0 +1,158 @@
+"""Nothing leaves this machine, and nothing is written unasked: every verb in an empty home, under strace."""
+
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.cli import command_modules, main
+from gyrocal.device.simulated import SimulatedDevice
+from make_runs import make_run, make_session
+from watched import CORE, FONTS, Watched
+
+pytestmark = pytest.mark.slow
+SWING = Path(__file__).resolve().parents[1] / "docs" / "examples" / "swing.csv.gz"
+MODEL = str(files("gyrocal") / "data" / "table2" / "model.toml")
+
+@dataclass(frozen=True)
+class Case:
+    """One or several command lines.
+
+    Attributes:
+        makes: what they write in the current folder; everything there was named on the command line or in the help.
+        keeps: patterns of what may be there afterwards besides.
+        serves: True if the verb's work is done by several processes that talk to each other over loopback.
+    """
+
+    lines: tuple[str, ...]
+    makes: tuple[str, ...] = ()
+    keeps: tuple[str, ...] = ()
+    serves: bool = False
+
+
+CASES = {
+    "add": Case(("add table_ripple s --model m.toml --json",), ("m.toml",)),
+    "allan": Case(("allan s --json",)),
+    "apply": Case((f"apply s --model {MODEL} --out corrected --json",), ("corrected",)),
+    "benchmark": Case(("benchmark robustness --sample --json",)),
+    "calibrate": Case(("calibrate s --seconds 2,4 --json",)),
+    "compare": Case(("compare s --html page.html --residuals rest.csv",), ("page.html", "rest.csv"), FONTS),
+    "demo": Case(("demo --json",), ("demo-out",), CORE + FONTS),
+    "diagnose": Case(("diagnose s --json",)),
+    "effects": Case(("effects", "effects warmup --json")),
+    "explain": Case(("explain s --model m.toml --json",), ("m.toml",)),
+    "export": Case((f"export --model {MODEL}",), ("export",)),
+    "firmware": Case(("firmware project",), ("project",)),
+    "fleet": Case(("fleet fit boards --workers 2",), ("boards.fleet",), FONTS, serves=True),
+    "import": Case(("import swing.csv.gz lab --yes --preview lab.png",), ("lab", "lab.png"), FONTS),
+    "info": Case(("info s --json", "info swing.csv.gz", f"info {MODEL}")),
+    "keep": Case(("keep saw --model m.toml",), ("m.toml",)),
+    "monitor": Case(("monitor --port PORT --json",)),
+    "plan": Case(("plan s --out plan.toml --json",), ("plan.toml",)),
+    "plot": Case(("plot s s.png",), ("s.png",), FONTS),
+    "record": Case(("record recorded --port PORT --follow --json",), ("recorded",)),
+    "simulate": Case(("simulate new --scenarios 1 --seconds 4",), ("new", "new.truth.json")),
+    "train": Case(("train s --epochs 1", "export --run runs/paper-0"), ("runs", "export")),
+    "version": Case(("version",)),
+    "verify": Case(("verify --windows 60",), (), CORE),
+}
+ENDS_WITH_THE_DEVICE = 3
+
+
+@pytest.fixture(scope="module")
+def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the commands read: a session of a table, one with a sawtooth that no effect explains, three boards, a log."""
+    root = tmp_path_factory.mktemp("privacy")
+    words = ["--scenarios", "3", "--seconds", "6", "--effect", "table_ripple:amplitude_1=0.003"]
+    assert main(["simulate", str(root / "s"), *words]) == 0
+    rng, t_s, runs = np.random.default_rng(1), np.arange(1000) / 50, []
+    for i, rate_dps in enumerate((40.0, -60.0, 90.0) * 3):
+        angle_deg = rng.uniform(0, 360) + rate_dps * t_s
+        gyro = rng.normal(0, 0.02, (t_s.size, 3))
+        gyro[:, 2] += rate_dps + 0.03 * ((angle_deg / 360) % 1 - 0.5)
+        runs.append(make_run(t_s, gyro, table_rate_dps=rate_dps, scenario=f"s{i}", day=1 + i // 3, table_angle_deg=angle_deg))
+    make_session(*runs).save(root / "saw")
+    for board in range(3):
+        shutil.copytree(root / "s", root / "boards" / f"b{board}")
+    shutil.copy(SWING, root)
+    return root
+
+
+@pytest.fixture
+def watched(watched: Watched, sessions: Path) -> Watched:
+    watched.bring(sessions)
+    return watched
+
+
+@pytest.fixture
+def port(request: pytest.FixtureRequest, sessions: Path) -> Iterator[str]:
+    """The port of a simulated device, where the command line asks for one."""
+    if not any("PORT" in line for line in CASES[request.getfixturevalue("verb")].lines):
+        yield ""
+        return
+    with SimulatedDevice(sessions / "s") as device:
+        yield device.port
+
+
+LEAK = """
+import os, pathlib, socket
+for folder in (pathlib.Path.home(), pathlib.Path(os.environ["TMPDIR"]), pathlib.Path({elsewhere!r})):
+    (folder / "left").write_text("")
+    (folder / "moved").write_text("")
+    (folder / "moved").rename(folder / "kept")
+    (folder / "empty").mkdir()
+    (folder / "gone").write_text("")
+    (folder / "gone").unlink()
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking, socket.socket(socket.AF_INET6) as listening:
+    asking.connect(("192.0.2.1", 9))
+    asking.connect(("127.0.0.1", 9))
+    listening.bind(("::", 0))
+    listening.connect_ex(("::1", 9))
+"""
+
+
+def test_a_leak_is_seen(watched: Watched, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    told, _ = watched.start(sys.executable, "-c", LEAK.format(elsewhere=str(elsewhere))).communicate()
+    assert told == ""
+    folders = ("HOME", "TMPDIR", str(elsewhere))
+    assert watched.left() == {f"{folder}/{name}" for folder in folders for name in ("left", "kept", "empty")}
+    assert watched.sockets() == {"AF_INET IPPROTO_IP", "AF_INET6 IPPROTO_IP"}
+    assert sorted(re.findall(r'"([\d.:]+)"', " ".join(sorted(watched.elsewhere())))) == ["192.0.2.1", "::"]
+
+
+def test_every_verb_is_watched() -> None:
+    assert {*CASES, "device", "workbench"} == set(command_modules())
+
+
+@pytest.mark.parametrize("verb", CASES)
+def test_a_verb(
+    verb: str, watched: Watched, port: str, require_tool: Callable[[str], str], require_module: Callable[[str], None]
+) -> None:
+    case = CASES[verb]
+    if CORE[0] in case.keeps:
+        require_tool("cc")
+    for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
+        require_module(module)
+    for line in case.lines:
+        process = watched.gyrocal(*(port if word == "PORT" else word for word in line.split()))
+        told, _ = process.communicate(timeout=300)
+        assert process.returncode in ((0, ENDS_WITH_THE_DEVICE) if port else (0,)), told
+    watched.check(case.makes, case.keeps, serves=case.serves)
+
+
+def test_the_simulated_device(watched: Watched, require_tool: Callable[[str], str]) -> None:
+    require_tool("cc")
+    for options in ([], ["--tcp", "127.0.0.1:0"]):
+        process = watched.gyrocal("device", "--session", "s", "--speed", "max", *options)
+        assert process.stdout is not None
+        assert main(["monitor", "--port", process.stdout.readline().strip(), "--json"]) == 0
+        assert process.wait(60) == 0
+        watched.check((), CORE, serves=bool(options))
