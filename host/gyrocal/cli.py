@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import importlib
 import importlib.util
 import inspect
@@ -137,7 +138,8 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
         if debug:
             raise
         _discard_output()
-        return _fail(f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}", 1)
+        wrong_name = error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+        return _fail(f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}", 2 if wrong_name else 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the argument parser's own errors
             return _fail(f"{error.format_message()} See: gyrocal {_verb(arguments)}--help", 2)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from gyrocal.effects.base import effect
 from gyrocal.effects.quantities import rate_about
@@ -49,3 +50,20 @@ def test_the_width_s_error_holds(noise_dps: float, levels: tuple[float, ...]) ->
 def test_the_width_s_error_is_small_where_the_rate_is_known() -> None:
     runs = [staircase(k, 1e-6, (-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4)) for k in range(4)]
     assert error_dps(runs, likeliest_dps(runs)) < 0.03
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_reference_that_wanders_at_rest_is_no_dead_band(seed: int) -> None:
+    """What the reference alone does is in no reading, as in a dead band, but it is lost at every rate and has no edge."""
+    rng, runs = np.random.default_rng(seed), []
+    for _ in range(4):
+        true = np.interp(np.arange(6000), [0, 2000, 2100, 3900, 4000, 5999], [0.0, 0.0, 78.0, 78.0, 0.0, 0.0])
+        wander = lfilter([0.03 * np.sqrt(1 - 0.98**2)], [1, -0.98], rng.normal(size=6000))
+        gyro = rng.normal(0, 0.05, (6000, 3)) + np.outer(1.01 * true + 0.7, [0, 0, 1])
+        runs.append(make_run(np.arange(6000) / 100.0, gyro, rate_ref_dps=true + wander))
+    assert not effect("dead_band").shows(runs, 2, 0.01)
+
+
+@pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])
+def test_a_band_shows_by_its_edge(levels: tuple[float, ...]) -> None:
+    assert effect("dead_band").shows([staircase(k, 0.003, levels) for k in range(4)], 2, 0.01)

@@ -20,6 +20,12 @@ MOST_DEPTH = 1.5
 FIRST_SIGHT = 5.0
 """Standard errors that the lost part of small rates must have before a fit is tried."""
 
+LEAST_LOST = LEAST_DEPTH / 3
+"""Part of the rates just below a tried width that is lost at least. Widths go in steps of 1.7, energy as width³."""
+BEYOND = 1 / 8
+"""Part of it that rates between a width and twice that may lose. The own error of a smoothed reference falls by less from one
+to the other: by a factor of 2 to 5 in what was measured."""
+
 
 class DeadBand(Effect):
     id = "dead_band"
@@ -141,26 +147,41 @@ def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
 
 
 def _scores(runs: Sequence[Run], axis: int) -> Array:
-    """The lost part of the rates below each width divided by its standard error, shape [widths].
+    """The lost part of the rates below each width divided by its standard error, shape [widths]; 0 where no edge is seen.
 
     Offset and scale of each run are taken from its larger rates, or from all of them if there are no larger ones. Noise of the
-    true rate is in no reading and looks like a rate that is lost, so that its power is taken off.
+    true rate is in no reading and looks like a rate that is lost. Its fast part is taken off by its power. A slow wander of
+    the reference at rest is lost at all rates that it reaches, and a dead band has an edge: rates of half the width and more,
+    or of a steady turn, are lost, and rates of up to twice the width are read.
     """
-    lost, norm = np.zeros(len(WIDTHS_DPS)), np.zeros(len(WIDTHS_DPS))
+    lost, norm = np.zeros((3, len(WIDTHS_DPS))), np.zeros((3, len(WIDTHS_DPS)))
     for run in runs:
         if run.rate_is_mean or run.axis_index != axis or not np.any(run.rate_dps):
             continue
         w_dps, y_dps = rate_about(run, axis), run.gyro_dps[:, axis]
+        known = np.column_stack([np.ones(len(run)), w_dps])
         for k, width in enumerate(WIDTHS_DPS):
             inside = np.abs(w_dps) < width
             if not inside.any() or inside.all():
                 continue
-            known = np.column_stack([np.ones(len(run)), w_dps])
             fit = np.linalg.lstsq(known[~inside], y_dps[~inside], rcond=None)[0]
-            residual = y_dps[inside] - known[inside] @ fit
-            lost[k] -= float(w_dps[inside] @ residual) + np.count_nonzero(inside) * _noise_power(w_dps, inside)
-            norm[k] += float(w_dps[inside] @ w_dps[inside])
-    return np.asarray(lost / (np.sqrt(np.maximum(norm, 1e-300)) * white_sd_dps(runs, axis)))
+            below = inside & ((np.abs(w_dps) >= width / 2) | _steady(w_dps, inside))
+            for part, among in enumerate((inside, below, ~inside & (np.abs(w_dps) < 2 * width))):
+                residual = y_dps[among] - known[among] @ fit
+                lost[part, k] -= float(w_dps[among] @ residual) + np.count_nonzero(among) * _noise_power(w_dps, among)
+                norm[part, k] += float(w_dps[among] @ w_dps[among])
+    norm = np.maximum(norm, 1e-300)
+    (inner, below, beyond), error = lost / norm, white_sd_dps(runs, axis) / np.sqrt(norm)
+    edge = (below >= LEAST_LOST) & (beyond + 2 * error[2] < BEYOND * below)
+    return np.asarray(np.where(edge, inner / error[0], 0.0))
+
+
+def _steady(w_dps: Array, inside: Mask) -> Mask:
+    """True for the samples [n] of stretches inside a band in which the mean of the true rate is three times its scatter."""
+    starts = np.flatnonzero(np.r_[True, inside[1:] != inside[:-1]])
+    counts = np.diff(np.r_[starts, inside.size])
+    means, squares = (np.add.reduceat(values, starts) / counts for values in (w_dps, w_dps**2))
+    return np.asarray(np.repeat(means**2 > 9 * (squares - means**2), counts) & inside)
 
 
 def _noise_power(w_dps: Array, inside: Mask) -> float:
