@@ -17,8 +17,6 @@ from gyrocal.recording.session import Array
 
 LEAST_PERIODS = 1.5
 """Number of periods in a part."""
-MOSTLY = 0.5
-"""Part of a wave that the reference holds at least, if the wave is the reference's."""
 
 
 def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
@@ -72,7 +70,7 @@ def of_the_reference(fitted: AxisFit, waves: Sequence[Array]) -> bool:
             of_reference, of_wave = _without_trend(np.column_stack([reference, wave])[part], np.ones(part.size)).T
             held += float(of_reference @ of_wave)
             power += float(of_wave @ of_wave)
-    return abs(held) > MOSTLY * power
+    return abs(held) > POLICY.wave_of_reference * power
 
 
 def _without_trend(columns: Array, weight: Array) -> Array:

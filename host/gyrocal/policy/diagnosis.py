@@ -311,6 +311,12 @@ class Diagnosis:
         4.0, "standard errors by which power without a common phase must exceed noise to speak against a tone",
         larger="a weak resonance is named a vibration", smaller="noise speaks against a weak tone",
     )  # fmt: skip
+    wave_of_reference: float = threshold(
+        0.5, "part of a wave in the readings that the reference must hold for the wave to be the reference's",
+        larger="the beat of an encoder's steps with the sampling is named an error of the sensor",
+        smaller="a vibration that the reference follows in part is not named",
+        chosen_by="pytest tests/diagnosis/test_tone_of_reference.py",
+    )  # fmt: skip
     one_size: float = threshold(
         0.25, "ratio of the sums of squares of a wave's sizes about one size and about a size in proportion to the rate, "
         "below which (or above the inverse of which) the other kind of wave is not named",
