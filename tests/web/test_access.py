@@ -190,3 +190,23 @@ def test_the_bars_are_in_sight_beside_the_picture(served: Any, look: Callable[..
     page.locator(".hero-picture canvas").wait_for()
     box = page.locator('[aria-label^="excess error, mdps:"]').bounding_box()
     assert box["y"] + box["height"] <= 500  # with another line of effects and the parameters above them, still in sight
+
+
+def test_a_choice_of_dark_outlives_an_answer_that_was_on_its_way(served: Any, look: Callable[..., Any]) -> None:
+    """The page asks a new tab which mode it is in; who chose dark meanwhile got dark with light charts."""
+    page = look(f"{served.url}start", color_scheme="light")
+    page.add_init_script("""
+        const contains = DOMTokenList.prototype.contains;
+        DOMTokenList.prototype.contains = function (name) {
+            if (name !== "body--dark") return contains.call(this, name);
+            DOMTokenList.prototype.contains = contains;
+            return new Promise(answer => setTimeout(() => { window.answered = true; answer(false); }, 3000));
+        };
+    """)
+    page.goto(f"{served.url}compare")
+    page.get_by_role("button", name="light or dark").click()
+    color = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption().title[0].textStyle.color"
+    page.wait_for_function(f"() => {color} === '{charts.DARK.dim}'")
+    page.wait_for_function("() => window.answered")
+    page.wait_for_timeout(1000)  # the server has heard of it
+    assert page.evaluate(f"() => {color}") == charts.DARK.dim

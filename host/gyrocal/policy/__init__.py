@@ -15,6 +15,7 @@ from gyrocal.policy.diagnosis import Diagnosis
 from gyrocal.policy.fleet import Fleet
 from gyrocal.policy.gravity import Gravity
 from gyrocal.policy.inference import Inference
+from gyrocal.policy.outliers import Outliers
 from gyrocal.policy.planning import Planning
 from gyrocal.policy.plausibility import Plausibility
 from gyrocal.policy.threshold import JUDGEMENT
@@ -23,7 +24,7 @@ __all__ = ["JUDGEMENT", "POLICY", "Policy"]
 
 
 @dataclass(frozen=True)
-class Policy(Plausibility, Inference, Diagnosis, Calibration, Gravity, Fleet, Planning):
+class Policy(Plausibility, Inference, Outliers, Diagnosis, Calibration, Gravity, Fleet, Planning):
     """Every threshold of all kinds of verdict."""
 
 

@@ -218,7 +218,7 @@ class Tab:
         """Draw the charts for the mode of the page, which follows the system until the user chooses one."""
         with contextlib.suppress(TimeoutError):  # the tab was closed meanwhile
             dark = bool(await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0))
-            if dark != self.dark:
+            if self._mode.value is None and dark != self.dark:  # else the user has chosen one while the answer was on its way
                 self._set_dark(dark)
 
     def _toggle_dark(self) -> None:
