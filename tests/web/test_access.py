@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web import charts
 
 PAGES = ("start", "import", "live", "compare", "diagnose", "calibrate")
 UNNAMED = """() => [...document.querySelectorAll('input:not([type=hidden]), button, select, [role=button], [role=img]')]
@@ -205,8 +206,9 @@ def test_a_choice_of_dark_outlives_an_answer_that_was_on_its_way(served: Any, lo
     """)
     page.goto(f"{served.url}compare")
     page.get_by_role("button", name="light or dark").click()
-    color = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption().title[0].textStyle.color"
-    page.wait_for_function(f"() => {color} === '{charts.DARK.dim}'")
+    chart = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
+    color = f"() => {chart}.getOption().title[0].textStyle.color"
+    page.wait_for_function(f"{color} === '{charts.DARK.dim}'")
     page.wait_for_function("() => window.answered")
     page.wait_for_timeout(1000)  # the server has heard of it
-    assert page.evaluate(f"() => {color}") == charts.DARK.dim
+    assert page.evaluate(color) == charts.DARK.dim
