@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
+from gyrocal.evidence import curve
 from gyrocal.evidence.checked import Checks
 from gyrocal.recording.session import AXES, Array
 
@@ -51,8 +52,6 @@ class Candidate:
 
     log_odds: float | None = None
     """Logarithm of the odds of the sets that hold the effect, as if the world outside them had one of the rests' shapes."""
-    probability: float | None = None
-    """The probability that the effect acts on the axis, given the session and all sets of effects that were compared."""
     checks: Checks | None = None
     """Its two checks; None if it does not lead."""
     contradicted: bool = False
@@ -62,6 +61,24 @@ class Candidate:
     def named(self) -> bool:
         """True if it is sure: it is to be added, and no other effect explains the session as well."""
         return self.decision == "add" and len(self.group) <= 1
+
+    @property
+    def probability(self) -> float | None:
+        """The probability that the effect acts on the axis, given the session and all sets of effects that were compared.
+
+        None where it cannot be judged.
+        """
+        return None if self.log_odds is None else curve.stated(self.log_odds, self.checks, self.named)
+
+    @property
+    def supported(self) -> bool:
+        """True if the evidence of sets supports the effect, or cannot judge it."""
+        return self.log_odds is None or curve.supported(self.log_odds, self.checks)
+
+    @property
+    def sure(self) -> bool:
+        """True if the evidence of sets alone is sure of the effect."""
+        return self.log_odds is not None and curve.sure(self.log_odds, self.checks)
 
     def __repr__(self) -> str:
         gain = "" if self.gain is None else f", held-out gain {self.gain:.3g}"

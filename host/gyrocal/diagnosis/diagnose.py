@@ -2,7 +2,8 @@
 
 There are two levels of evidence. An effect is *suggested* if it improves the fit significantly, judged by the false-discovery
 rate over all candidates (Benjamini and Hochberg). It is to be *added* if it also predicts held-out runs significantly better,
-its parameters are in physical range, and it explains enough of the excess error. Candidates whose signals overlap in this
+its parameters are in physical range, it explains enough of the excess error, and the evidence of sets of effects beside an
+unnamed rest supports it. Candidates whose signals overlap in this
 session form a group. For a group, the diagnosis names the measurement that separates its members instead of a cause. The
 thresholds are in ``gyrocal/policy``.
 """
@@ -18,7 +19,7 @@ from gyrocal.diagnosis import naming
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.probability import OnAxis, with_probabilities
+from gyrocal.diagnosis.probability import OnAxis, decided, with_probabilities
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
@@ -71,8 +72,9 @@ def diagnose(
     judged = naming.candidates(comparison, own, progress=progress)
     if not comparison.where and not comparison.implausible:
         comparison = replace(comparison, where=naming.findings(comparison, judged))
-    verdict = verdict_on(comparison, judged)
     judged, alternatives = with_probabilities(judged, comparison, progress)
+    judged = decided(judged, {f.axis for f in comparison.where})
+    verdict = verdict_on(comparison, judged)
     return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison, alternatives)
 
 

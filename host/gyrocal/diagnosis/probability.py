@@ -1,14 +1,20 @@
-"""The probability of each candidate, by the evidence of sets of effects. It changes no decision."""
+"""The probability of each candidate, by the evidence of sets of effects, and the names that it does not support.
+
+The tests of the other files ask whether an effect explains the session better than nothing does. The evidence asks whether it
+explains the session better than other sets, and than a disturbance without a name. A name that only the first are sure of is
+suggested.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import in_range
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import Alternative, Evidence, weigh
 from gyrocal.evidence.curve import stated
@@ -56,10 +62,36 @@ def with_probabilities(
         found = evidence.get(c.axis)
         if found is not None and c.effect.id in found.log_odds:
             log_odds, checks = found.log_odds[c.effect.id], found.checks.get(c.effect.id)
-            c = replace(c, log_odds=log_odds, probability=stated(log_odds, checks, c.named), checks=checks)
+            c = replace(c, log_odds=log_odds, checks=checks)
         out.append(c)
     alternatives = [OnAxis(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
     return out, alternatives
+
+
+def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidate]:
+    """The candidates, best first, with the decisions on which tests and evidence agree.
+
+    A sure name that the evidence does not support is suggested. On an axis that is known to fail (``failing``), an effect that
+    the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it and has weighed all these rivals.
+    """
+    weighed = {(c.effect.id, c.axis) for c in candidates if c.log_odds is not None}
+
+    def named(c: Candidate) -> bool:
+        alone = all((id_, c.axis) in weighed for id_ in c.group)
+        told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
+        return told and alone and c.axis in failing and in_range(c) and c.sure
+
+    found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
+    settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
+    out = []
+    for c in candidates:
+        key = c.effect.id, c.axis
+        if key in found:
+            c = replace(c, decision="add", group=())
+        elif (c.named and not c.supported) or (c.decision == "add" and key in settled):
+            c = replace(c, decision="suggest", group=())
+        out.append(c)
+    return sorted(out, key=best_first)
 
 
 def _on_axis(candidates: Sequence[Candidate], current: Current) -> Evidence | None:

@@ -19,13 +19,20 @@ KNOTS = (
 )  # fmt: skip
 FAILED = 0.364
 NAMED = 0.918
-LEAST_LOG_ODDS = 2.2
-"""Log odds (a probability of 0.9) from which on the evidence supports a name."""
+LEAST_LOG_ODDS = 0.0
+"""Log odds from which on the evidence supports a name that other tests are sure of."""
+SURE_LOG_ODDS = 3.0
+"""Log odds (a probability of 0.95) from which on the evidence decides between effects that other tests cannot tell apart."""
 
 
 def supported(log_odds: float, checks: Checks | None) -> bool:
     """True if the evidence supports a name that other tests are sure of."""
     return log_odds >= LEAST_LOG_ODDS and (checks is None or checks.passed)
+
+
+def sure(log_odds: float, checks: Checks | None) -> bool:
+    """True if the evidence alone is sure of an effect that other tests suggest."""
+    return log_odds >= SURE_LOG_ODDS and checks is not None and checks.passed
 
 
 def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:
