@@ -15,9 +15,11 @@ from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import in_range
+from gyrocal.diagnosis.rivals import cosine
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import Alternative, Evidence, weigh
 from gyrocal.evidence.curve import stated
+from gyrocal.policy import POLICY
 from gyrocal.threads import each
 
 Progress = Callable[[str], None]
@@ -72,12 +74,16 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
     A sure name that the evidence does not support is suggested. On an axis that is known to fail (``failing``), an effect that
-    the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it and has weighed all these rivals.
+    the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these rivals, and
+    none of them has the same shape.
     """
-    weighed = {(c.effect.id, c.axis) for c in candidates if c.log_odds is not None}
+    weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
+
+    def told_apart(c: Candidate, rival: Candidate | None) -> bool:
+        return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
 
     def named(c: Candidate) -> bool:
-        alone = all((id_, c.axis) in weighed for id_ in c.group)
+        alone = all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
         told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
         return told and alone and c.axis in failing and in_range(c) and c.sure
 

@@ -23,6 +23,8 @@ from gyrocal.evidence.states import integrated, without
 from gyrocal.evidence.weights import Scales, Weighed
 from gyrocal.recording.session import Array, Run
 
+STATES = 6
+"""Number of the likeliest states of the noise over which the probability of different coefficients is averaged."""
 LEAST_SHOWN = 1e-3
 """Part of an effect's power that must differ between two parts, so that they say anything of its coefficient."""
 
@@ -60,9 +62,8 @@ class _Part:
 
 def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str, Checks]:
     """Both checks of some effects of a set."""
-    matrix, state = scales.matrix, weighed.state
-    forms = weighed.forms
-    found = scales.coefficients(weighed, state, None)
+    matrix, forms = scales.matrix, weighed.forms
+    found = scales.coefficients(weighed, int(np.argmax(weighed.bare)), None)
     parts: list[tuple[str, _Part]] = []
     for effect in effects:
         option = matrix.options[forms[effect][0]]
@@ -119,31 +120,37 @@ def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
 
 
 def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]]) -> dict[str, float]:
-    """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair."""
+    """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair.
+
+    It is averaged over the states in which the noise may be.
+    """
     if not parts:
         return {}
-    whole, state = scales.matrix, weighed.state
+    whole = scales.matrix
     order = sorted(weighed.effects)
     options = [whole.options[weighed.forms[e][0]] for e in order]
     matrix = Matrix.of(
         whole.fit, options, further=[part for _, part in parts], released=whole.released, white_sd_dps=whole.white_sd_dps
     )
-    products = _beside(matrix, scales, state)
-    taken = np.concatenate(matrix.at)
+    taken, columns = np.concatenate(matrix.at), np.concatenate(matrix.further)
     sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
-    products = integrated(products[None], taken, sd)[0][0]
-    variance = products[0, 0] / scales.states.degrees
+    plain = np.diagonal(_beside(matrix, scales, 0))[columns]
+    likeliest = np.argsort(weighed.bare)[::-1][:STATES]
+    chances, shown = np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
+    for state in likeliest.tolist():
+        products = integrated(_beside(matrix, scales, state)[None], taken, sd)[0][0]
+        norm, variance = np.diagonal(products)[columns], products[0, 0] / scales.states.degrees
+        seen = norm > LEAST_SHOWN * plain
+        statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)
+        chances += weighed.bare[state] * np.array([float(tails.chi_square(s, 1)) for s in statistic])
+        shown |= seen
+    chances /= weighed.bare[likeliest].sum()
     out: dict[str, float] = {}
-    counts: dict[str, int] = {}
-    plain = np.diagonal(_beside(matrix, scales, 0))
-    for k, (effect, _) in enumerate(parts):
-        at = int(matrix.further[k][0])
-        if not products[at, at] > LEAST_SHOWN * plain[at]:
-            continue
-        statistic = products[at, 0] ** 2 / products[at, at] / variance
-        out[effect] = min(out.get(effect, 1.0), float(tails.chi_square(statistic, 1)))
-        counts[effect] = counts.get(effect, 0) + 1
-    return {effect: min(1.0, p * counts[effect]) for effect, p in out.items()}
+    for effect in dict.fromkeys(effect for effect, _ in parts):
+        mine = np.array([other == effect for other, _ in parts]) & shown
+        if mine.any():
+            out[effect] = min(1.0, float(chances[mine].min()) * int(mine.sum()))
+    return out
 
 
 def _beside(matrix: Matrix, scales: Scales, state: int) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from gyrocal.effects.base import Effect, Role, Values, effects, with_role
 from gyrocal.effects.quantities import rate_slope_dps_s, true_rate_dps
 from gyrocal.effects.timing import TimingEffect
+from gyrocal.error_model.term import Term
 from gyrocal.recording.session import AXES, Array, Run
 
 GRID = 1.5
@@ -118,6 +119,52 @@ class OfReference:
 
     def noise(self, run: Run, axis: int, samples: float) -> None:
         """It is neglected."""
+
+
+@dataclass(frozen=True, eq=False)
+class OfTerm:
+    """How a term of the model changes with the logarithm of its nonlinear parameter, with a free coefficient: no hypothesis.
+
+    The parameter was fitted without the effects that are weighed, and has taken up a part of them.
+    """
+
+    effect: Effect
+    values: Values
+    name: str
+
+    @property
+    def sizes(self) -> Array:
+        """No size is expected: ones [1, 2]."""
+        return np.ones((1, 2))
+
+    @property
+    def unit(self) -> Array:
+        """Ones [1]."""
+        return np.ones(1)
+
+    def columns(self, run: Run, axis: int) -> Array:
+        """The change [n, 1] of the term in a run, deg/s for a change of the parameter by its own size."""
+        high, low = (
+            self.effect.term(run, axis, {**self.values, self.name: self.values[self.name] * np.exp(step)})
+            for step in (SLOPE, -SLOPE)
+        )
+        return np.asarray((high - low) / (2 * SLOPE))[:, None]
+
+    def noise(self, run: Run, axis: int, samples: float) -> None:
+        """It is neglected."""
+
+
+def of_terms(terms: Sequence[Term], runs: Sequence[Run]) -> list[OfTerm]:
+    """The slopes of the slow terms whose size all runs share, as far as their nonlinear parameters are positive sizes."""
+
+    def shared(effect: Effect) -> bool:
+        slow = not effect.fast and not isinstance(effect, TimingEffect)
+        return slow and (effect.scope_in(runs) == "session" or effect.common_mean)
+
+    return [
+        OfTerm(t.effect, t.values, name)
+        for t in terms if shared(t.effect) for name in t.effect.nonlinear if t.values.get(name, 0.0) > 0
+    ]  # fmt: skip
 
 
 def of_reference(runs: Sequence[Run], axis: int) -> list[OfReference]:

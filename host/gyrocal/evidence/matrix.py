@@ -11,7 +11,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role
 from gyrocal.evidence.discrepancy import Shape
-from gyrocal.evidence.hypotheses import Form, Option, of_reference
+from gyrocal.evidence.hypotheses import Form, Option, of_reference, of_terms
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise, Summed
@@ -39,7 +39,7 @@ class Matrix:
     white_sd_dps: float
     released: frozenset[str]
     free: Index
-    """The columns of the reference's frame and clock, whose coefficients are free as well."""
+    """The columns of the reference's frame and clock, and of nonlinear parameters of the model, whose coefficients are free."""
     options: tuple[Option, ...]
     shapes: tuple[Shape, ...]
     at: tuple[Index, ...]
@@ -59,7 +59,7 @@ class Matrix:
         """
         design = fit.design
         first = 1 + len(design.layout.fixed) + len(design.layout.run)
-        registered = of_reference(runs_of(fit), design.axis)
+        registered: list[Form] = [*of_reference(runs_of(fit), design.axis), *of_terms(fit.terms, runs_of(fit))]
         forms: list[Form] = [*registered, *options, *further]
         counts = [len(form.sizes) for form in forms] + [shape.count for shape in shapes]
         edges = first + np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
@@ -131,9 +131,13 @@ class Matrix:
         return grams, logdet
 
     def _take_out_noise(self, grams: Array, precision: float) -> None:
-        """Subtract what the noise of measured columns is expected to add, as :class:`gyrocal.inference.design.Design` does."""
+        """Subtract what the noise of the model's measured columns adds, as :class:`gyrocal.inference.design.Design` does.
+
+        Columns of hypotheses keep theirs: beside each other they may be mostly noise, and nothing is left to subtract it from.
+        """
         scale = self.role(Role.SCALE)
-        for j in np.flatnonzero(self.noise_power.any(axis=0)).tolist():
+        of_model = 1 + np.arange(len(self.design.layout.fixed))
+        for j in of_model[self.noise_power[:, of_model].any(axis=0)].tolist():
             power = precision * self.noise_power[:, j]
             grams[:, j, j] -= power
             if j == scale:

@@ -32,6 +32,8 @@ ALIKE = 0.97
 LEAST_CHI2 = 1e-3
 """Least chi-square for each degree of freedom. Below it, more noise of measured columns was taken out than is there, and what
 is left says nothing."""
+LEAST_OF_NOISE = 0.5
+"""Least part of chi-square that the noise of measured columns leaves: more of it is not taken to be theirs."""
 MEASURABLE = 1e-4
 """Part of an option's squared norm that the model's own columns must leave, so that the session can measure it."""
 
@@ -61,6 +63,8 @@ class Weighed:
     """The likeliest state of the noise."""
     rest: Rest | None
     """The likeliest rest in it, None if nothing is left over."""
+    bare: Array
+    """The probability [s] of each state if nothing is left over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,6 +276,7 @@ class Scales:
         """The evidence summed over all states and rests."""
         at, sd = self._columns(forms)
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
+        inner += self._of_noise(int(np.argmax(bare)), at, sd)
         split: dict[int | None, float] = {None: _logsum(bare) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)}
         state, rest = int(np.argmax(bare)), None
         top = float(bare.max()) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)
@@ -284,7 +289,19 @@ class Scales:
             if float(logs[s, r]) > top:
                 state, rest = int(near[s]), self.rests[int(r)]
         split = {k: value + inner for k, value in split.items()}
-        return Weighed(effects, dict(forms), _logsum(np.array(list(split.values()))), split, state, rest)
+        total, of_state = _logsum(np.array(list(split.values()))), np.exp(bare - _logsum(bare))
+        return Weighed(effects, dict(forms), total, split, state, rest, of_state)
+
+    def _of_noise(self, state: int, at: Index, sd: Array) -> float:
+        """The logarithm of what a set loses because the noise of its measured columns adds to the misfit, with fitted sizes."""
+        power = self.matrix.noise_power[:, at].sum(axis=0) / self.states.noises[state].white_sd_dps ** 2
+        if not power.any():
+            return 0.0
+        products = self.states.products[state]
+        found = sd * np.linalg.solve(np.eye(at.size) + sd[:, None] * products[np.ix_(at, at)] * sd, sd * products[at, 0])
+        chi2 = float(_conditioned(products, at, sd)[0][0, 0])
+        without = max(chi2 - float(power @ found**2), LEAST_OF_NOISE * chi2)
+        return float(0.5 * self.states.degrees * np.log(chi2 / without))
 
     def chi2(self, weighed: Weighed) -> float:
         """What a set leaves of the readings in its likeliest state, in the variance of the expected noise."""
@@ -315,7 +332,7 @@ class Scales:
         """The evidence of a set where all variables together may be left over, each with the same amplitude."""
         at, sd = self._columns(weighed.forms)
         shapes = list(dict.fromkeys(rest.shape for rest in self.rests))
-        if not shapes:
+        if not shapes or not np.isfinite(weighed.log_evidence):
             return weighed.log_evidence
         left = np.concatenate([self.matrix.left[k] for k in shapes])
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
