@@ -31,7 +31,10 @@ if TESTS not in sys.path:  # the generator's place
 
 WORKERS, SAMPLE = 2, 10
 LEAST_LOG_ODDS = -4.6
-KEPT = ("effect", "axis", "group", "decision", "probability", "log_odds", "checks", "together")
+KEPT = (
+    "effect", "axis", "group", "decision", "probability", "log_odds", "checks", "together", "heldout_gain", "heldout_gain_se",
+    "by_tests",
+)  # fmt: skip
 show = edge_table.show
 
 
@@ -122,8 +125,10 @@ def judge(job: Job) -> Row:
         try:
             found = diagnose(Session.open(Path(scratch) / "session"))
             answer = found.to_json()
+            by_tests = {(c.effect.id, c.axis): [c.decision, list(c.group)] for c in found.tested}
             for told, candidate in zip(answer["candidates"], found.candidates, strict=True):
                 told["log_odds"] = candidate.log_odds
+                told["by_tests"] = by_tests[candidate.effect.id, candidate.axis]
         except Exception as error:
             row["error"] = f"{type(error).__name__}: {error}"
         seconds = time.process_time() - begun

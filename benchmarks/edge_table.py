@@ -53,6 +53,42 @@ def grouped(row: Row) -> list[bool]:
     return found
 
 
+def of_tests(row: Row) -> Row:
+    """A row with the decisions of the tests alone, without the evidence of sets."""
+    said = [dict(c, decision=c["by_tests"][0], group=c["by_tests"][1]) for c in row["candidates"]]
+    return dict(row, candidates=said)
+
+
+def raised(rows: Sequence[Row]) -> dict[str, Any] | None:
+    """The tests alone, as they are, and with a limit raised until they are wrong as seldom as the tool.
+
+    The limits are the held-out gain of a name, and that gain in its standard errors. The one that reaches more is told.
+    None for rows of a version that did not keep the decisions of the tests.
+    """
+    if not all("by_tests" in c for row in rows for c in row["candidates"]):
+        return None
+    tested, allowed = [of_tests(row) for row in rows], sum(len(wrong(row)) for row in rows)
+    best: dict[str, Any] | None = None
+    for name, by in (("heldout_gain", lambda c: c["heldout_gain"]), ("gain_errors", _gain_errors)):
+        limits = sorted({float(by(c)) for row in tested for c in row["candidates"] if c["heldout_gain"] is not None})
+        for limit in [-np.inf, *limits, np.inf]:
+            kept = [dict(row, candidates=[c for c in row["candidates"] if _above(c, by, limit)]) for row in tested]
+            if sum(len(wrong(row)) for row in kept) <= allowed:
+                found = {"limit": name, "at": limit} | names(kept)
+                if best is None or found["reached"]["count"] > best["reached"]["count"]:
+                    best = found
+                break
+    return {"as_they_are": names(tested), "raised": best}
+
+
+def _gain_errors(c: dict[str, Any]) -> float:
+    return float(c["heldout_gain"] / c["heldout_gain_se"]) if c["heldout_gain_se"] else np.inf
+
+
+def _above(c: dict[str, Any], by: Callable[[dict[str, Any]], float], limit: float) -> bool:
+    return limit == -np.inf or (c["heldout_gain"] is not None and by(c) > limit)
+
+
 def counted(count: int, n: int) -> dict[str, Any]:
     """A share with the exact two-sided 95 % interval of Clopper and Pearson."""
     return {"count": count, "of": n, "share": count / n if n else None, "within": bounds(count, n) if n else None}
@@ -106,6 +142,7 @@ def table_of(rows: Sequence[Row]) -> dict[str, Any]:
         },
         "reliability": reliability(done),
         "behind_oracle": behind(done),
+        "tests_alone": raised(done),
         "seconds": {"median": float(np.median(cost)), "mean": float(np.mean(cost)), "largest": max(cost)} if done else None,
         "wrong_names": [
             {"case": row["case"], "said": [list(name) for name in wrong(row)], "planted": row["truth"]["right"]}
@@ -204,6 +241,10 @@ def show(found: dict[str, Any]) -> None:
     parts |= {f"nearest {k} sigma": v for k, v in found["by_nearest_sigma"].items() if v["cases"]}
     parts |= {f"disturbed {k}": v for k, v in found["by_disturbance_sigma"].items() if v["cases"]}
     header = ["cases:", "n", "sure", "wrong", "wrong share (95 % bound)", "reached", "in a group"]
+    if found["tests_alone"] is not None:
+        alone = found["tests_alone"]
+        parts["the tests alone"] = alone["as_they_are"]
+        parts[f"{alone['raised']['limit']} > {alone['raised']['at']:.3g}"] = alone["raised"]
     table(f"{found['cases']} cases, {len(found['failed'])} failed", header, [_row(k, v) for k, v in parts.items()])
     for kind, each in found["nulls_named"].items():
         stdout.print(f"nulls named, {kind}: {_share(each)}", markup=False)

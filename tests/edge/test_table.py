@@ -66,6 +66,21 @@ def test_sure_names_reach_and_groups_are_counted() -> None:
     edge_table.show(found)
 
 
+def test_the_tests_alone_are_told_with_a_limit_that_makes_them_as_seldom_wrong() -> None:
+    """Three right names with gains of 5, 20 and 40, a wrong one with 20 that the tool does not give: 40 alone stays."""
+
+    def said(id_: str, gain: float, decision: str = "add") -> Row:
+        return _said(id_, "z", decision) | {"heldout_gain": gain, "heldout_gain_se": 2.0, "by_tests": ["add", [id_]]}
+
+    rows = [_row(f"r{gain}", "drift", [said("drift", gain)]) for gain in (5.0, 20.0, 40.0)]
+    rows.append(_row("w", "lag", [said("warmup", 20.0, "suggest")]))
+    found = edge_table.raised(rows)
+    assert found is not None
+    assert (found["as_they_are"]["sure"], found["as_they_are"]["wrong"], found["as_they_are"]["reached"]["count"]) == (4, 1, 3)
+    assert (found["raised"]["wrong"], found["raised"]["reached"]["count"], found["raised"]["at"]) == (0, 1, 20.0)
+    assert edge_table.raised(ROWS) is None
+
+
 def test_an_equal_in_a_group_is_right_and_alone_is_wrong() -> None:
     group = _row("a", "vibration_tone", [_said("order_tone", "z", group=["order_tone", "table_ripple"])], "confounded", 0.1)
     alone = _row("b", "vibration_tone", [_said("order_tone", "z", group=["order_tone"])], "confounded", 0.1)

@@ -39,6 +39,8 @@ class Diagnosis(Shown):
     comparison: Comparison = field(repr=False)
     alternatives: list[OnAxis] = field(default_factory=list, repr=False)
     """The sets of effects that explain an axis together, the most probable first on each axis."""
+    tested: list[Candidate] = field(default_factory=list, repr=False)
+    """The candidates as the tests decide on them, without the evidence of sets."""
 
     @property
     def best(self) -> Candidate | None:
@@ -72,10 +74,11 @@ def diagnose(
     judged = naming.candidates(comparison, own, progress=progress)
     if not comparison.where and not comparison.implausible:
         comparison = replace(comparison, where=naming.findings(comparison, judged))
-    judged, alternatives = with_probabilities(judged, comparison, progress)
-    judged = decided(judged, {f.axis for f in comparison.where})
+    tested, alternatives = with_probabilities(judged, comparison, progress)
+    judged = decided(tested, {f.axis for f in comparison.where})
     verdict = verdict_on(comparison, judged)
-    return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison, alternatives)
+    unknown = _unknown(comparison) if verdict == "unknown" else None
+    return Diagnosis(verdict, judged, unknown, comparison, alternatives, tested)
 
 
 class Compared(Protocol):

@@ -1,0 +1,62 @@
+"""Names on which the tests and the evidence of sets must agree."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.probability import decided
+from gyrocal.effects.base import effect
+from gyrocal.evidence.checked import Checks
+
+PASSED, FAILED = Checks(0.9, 0.4), Checks(0.9, 1e-6)
+WAVE, OTHER = np.sin(np.linspace(0, 9, 40)), np.cos(np.linspace(0, 9, 40))
+
+
+def candidate(id_: str, decision: Any, log_odds: float | None, checks: Checks | None = PASSED, **more: Any) -> Candidate:
+    known: dict[str, Any] = {"gain": 20.0, "gain_se": 3.0, "signal": WAVE} | more
+    return Candidate(effect(id_), "z", decision, log_odds=log_odds, checks=checks, **known)
+
+
+def decisions(*candidates: Candidate, failing: str = "z") -> dict[str, tuple[str, tuple[str, ...]]]:
+    return {c.effect.id: (c.decision, c.group) for c in decided(candidates, set(failing))}
+
+
+def test_a_name_without_support_is_suggested() -> None:
+    for one in (candidate("drift", "add", 1.0), candidate("drift", "add", 30.0, FAILED), candidate("drift", "add", -5.0, None)):
+        assert decisions(one) == {"drift": ("suggest", ())}
+
+
+def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
+    assert decisions(candidate("drift", "add", 6.0)) == {"drift": ("add", ())}
+    assert decisions(candidate("vibration_tone", "add", None, None)) == {"vibration_tone": ("add", ())}
+
+
+def test_the_evidence_decides_between_rivals_of_different_shape() -> None:
+    group = ("lag", "clock_error")
+    sure, rival = candidate("lag", "add", 6.0, group=group), candidate("clock_error", "add", -3.0, None, group=group, signal=OTHER)
+    assert decisions(sure, rival) == {"lag": ("add", ()), "clock_error": ("suggest", ())}
+    assert decisions(replace(sure, log_odds=2.5), rival) == {"lag": ("add", group), "clock_error": ("add", group)}
+
+
+def test_rivals_of_one_shape_and_those_that_were_not_weighed_stay_a_group() -> None:
+    """A measured column has noise, a computed one of the same shape has none: the better fit is not the right name."""
+    group = ("drift", "bias_temperature")
+    sure = candidate("drift", "add", 6.0, group=group)
+    weighed = candidate("bias_temperature", "add", -3.0, None, group=group)
+    for rival in (weighed, replace(weighed, log_odds=None, signal=OTHER)):
+        assert decisions(sure, rival)["drift"] == ("add", group)
+
+
+def test_a_suggestion_is_named_only_where_the_model_is_known_to_fail() -> None:
+    suggested = candidate("scale_nonlinearity", "suggest", 6.0)
+    assert decisions(suggested) == {"scale_nonlinearity": ("add", ())}
+    assert decisions(suggested, failing="x") == {"scale_nonlinearity": ("suggest", ())}
+    assert decisions(replace(suggested, contradicted=True)) == {"scale_nonlinearity": ("suggest", ())}
+    assert decisions(replace(suggested, gain=None)) == {"scale_nonlinearity": ("suggest", ())}
+
+
+def test_names_stand_before_suggestions() -> None:
+    order = decided([candidate("drift", "add", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=4.0)], {"z"})
+    assert [c.effect.id for c in order] == ["warmup", "drift"]
