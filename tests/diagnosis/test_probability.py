@@ -35,7 +35,8 @@ def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judg
 
 def test_the_evidence_decides_between_rivals_of_different_shape() -> None:
     group = ("lag", "clock_error")
-    sure, rival = candidate("lag", "add", 6.0, group=group), candidate("clock_error", "add", -3.0, None, group=group, signal=OTHER)
+    sure = candidate("lag", "add", 6.0, group=group)
+    rival = candidate("clock_error", "add", -3.0, None, group=group, signal=OTHER)
     assert decisions(sure, rival) == {"lag": ("add", ()), "clock_error": ("suggest", ())}
     assert decisions(replace(sure, log_odds=2.5), rival) == {"lag": ("add", group), "clock_error": ("add", group)}
 
