@@ -70,12 +70,15 @@ def curve(rows: Sequence[Row]) -> tuple[Knots, float]:
 
 
 def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
-    """Of every sure name that has log odds: is it true? First those that the evidence supports, then the others."""
+    """Of every name that the tests alone are sure of and that has log odds: is it true?
+
+    First those that the evidence supports, then the others.
+    """
     with_evidence, without = [], []
     for row in (row for row in rows if row["error"] is None):
         right = {tuple(name) for name in row["truth"]["right"]}
         judged = {(c["effect"], c["axis"]): c for c in row["candidates"]}
-        for name in edge_table.sure(row):
+        for name in edge_table.sure(edge_table.of_tests(row)):
             c = judged[name]
             if c.get("log_odds") is not None:
                 checks = None if c["checks"] is None else Checks(**c["checks"])

@@ -67,7 +67,9 @@ def raised(rows: Sequence[Row]) -> dict[str, Any] | None:
     """
     if not all("by_tests" in c for row in rows for c in row["candidates"]):
         return None
-    tested, allowed = [of_tests(row) for row in rows], sum(len(wrong(row)) for row in rows)
+    allowed = sum(len(wrong(row)) for row in rows)
+    tested = [of_tests(row) for row in rows]
+    tested = [dict(row, candidates=[c for c in row["candidates"] if (c["effect"], c["axis"]) in sure(row)]) for row in tested]
     best: dict[str, Any] | None = None
     for name, by in (("heldout_gain", lambda c: c["heldout_gain"]), ("gain_errors", _gain_errors)):
         limits = sorted({float(by(c)) for row in tested for c in row["candidates"] if c["heldout_gain"] is not None})
@@ -78,7 +80,7 @@ def raised(rows: Sequence[Row]) -> dict[str, Any] | None:
                 if best is None or found["reached"]["count"] > best["reached"]["count"]:
                     best = found
                 break
-    return {"as_they_are": names(tested), "raised": best}
+    return {"as_they_are": names([of_tests(row) for row in rows]), "raised": best}
 
 
 def _gain_errors(c: dict[str, Any]) -> float:
