@@ -31,7 +31,7 @@ BLOCKED = (
 )
 
 UNTIMED = (
-    "Nothing stands out, but the times are in doubt, and with them whatever changes with time. Correct what the note "
+    "Nothing was found, but the times are in doubt, and so is everything that changes with time. Correct what the note "
     "(sample_rate) says, and repeat this."
 )
 

@@ -82,7 +82,7 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     if not any((of_axis := excess.get(axis)) is not None and size > of_axis for axis, size in rms_dps):
         return ""
     return (
-        "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
+        "A finding can be larger than the excess: the floor contains the noise and what may differ between power "
         "cycles, and the excess is only what lies beyond it."
     )
 
