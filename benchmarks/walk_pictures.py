@@ -110,24 +110,43 @@ def _bare(*plots: Any) -> None:
         axes.spines[["top", "right"]].set_visible(False)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    out = parser.parse_args().out
+@dataclass(frozen=True)
+class Figures:
+    """The figures that the page states: spreads of power cycles in dps, gains of the power cycles, their sum with its error."""
+
+    before_dps: float
+    after_dps: float
+    gains: Array
+    gain: float
+    error: float
+    log_odds: float
+
+
+def draw(out: Path) -> Figures:
+    """Draw the three pictures into a folder."""
     session, _ = simulate(None, "full", [EFFECT], SEED)
     plain = Model.open("default")
     before, after = (Judged.of(session, model) for model in (plain, plain.add(EFFECT, AXIS)))
     gains = held_out_gain(before.fit.axes[AXIS], after.fit.axes[AXIS], heldout.folds(before.fit))
     gain, error = total(gains)
+    assert gain is not None
+    assert error is not None
     evidence = weigh(before.fit.axes[AXIS], [t.effect_id for t in before.fit.axes[AXIS].terms])
     assert evidence is not None
     log_odds = evidence.log_odds[EFFECT]
     draw_heldout(out / "walk_heldout.png", session, before, after)
     draw_gain(out / "walk_gain.png", before, after, gains)
     draw_probability(out / "walk_probability.png", log_odds)
-    print(f"spread of power cycles {1e3 * before.spread_dps:.1f} mdps without the effect, {1e3 * after.spread_dps:.1f} with it")
-    print(f"gain {gain:.1f} ± {error:.1f} over {gains.size} power cycles, {np.sum(gains < 0)} of them negative")
-    print(f"log odds {log_odds:.1f}, stated {stated(log_odds, None, named=True):.3f}")
+    return Figures(before.spread_dps, after.spread_dps, gains, gain, error, log_odds)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    found = draw(parser.parse_args().out)
+    print(f"spread of power cycles {1e3 * found.before_dps:.1f} mdps without the effect, {1e3 * found.after_dps:.1f} with it")
+    print(f"gain {found.gain:.1f} ± {found.error:.1f} over {found.gains.size} power cycles, {np.sum(found.gains < 0)} negative")
+    print(f"log odds {found.log_odds:.1f}, stated {stated(found.log_odds, None, named=True):.3f}")
     return 0
 
 
