@@ -93,6 +93,29 @@ def test_the_words_give_each_figure_once_and_say_how_it_is_counted(told_twice: t
         assert float(left[1]) <= 100
 
 
+def test_the_page_shows_what_the_demo_prints(told_twice: tuple[dict, Path, Story]) -> None:
+    """Words exactly; figures to a twentieth or two of their last digits, because processors round differently."""
+    page = (Path(__file__).parents[1] / "docs" / "demo.md").read_text(encoding="utf-8")
+    shown = re.search(r"<!-- transcript: gyrocal demo -->\n```\n(.*?)```\n<!-- end of transcript -->", page, re.DOTALL)
+    assert shown is not None
+    _, folder, spoken = told_twice
+    with stdout.capture() as capture:
+        demo.show(spoken)
+    there, here = shown[1], capture.get().replace(str(folder), "demo-out")
+    assert _words(there) == _words(here)
+    for page_has, printed in zip(NUMBER.findall(there), NUMBER.findall(here), strict=True):
+        last_digit = 10.0 ** -len(page_has.partition("e")[0].partition(".")[2])
+        assert float(printed) == pytest.approx(float(page_has), rel=0.05, abs=max(2 * last_digit, 1e-5)), (page_has, printed)
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+def _words(text: str) -> list[str]:
+    """The words of a text with its tables, whose columns are as wide as their figures."""
+    return re.sub(r"[─━│┃┡┩┏┓┳╇┴└┘╋]+", " ", NUMBER.sub("#", text)).split()
+
+
 def test_a_network_that_gives_no_answer_is_a_row_without_figures() -> None:
     silent = Estimate("s000", "cnn", 2.0, "z", None, None, None, None, None, ("net_range",))
     heard = Estimate("s000", "cnn", 4.0, "z", 0.004, 0.001, -0.06, 0.01, 1.5)

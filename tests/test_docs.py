@@ -21,6 +21,12 @@ TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
+def test_every_page_begins_with_what_its_reader_can_do_then() -> None:
+    pages = [p for p in sorted((ROOT / "docs").rglob("*.md")) if not p.relative_to(ROOT / "docs").parts[0].startswith("_")]
+    begins = {p.name: p.read_text(encoding="utf-8").split("\n\n", 2)[1] for p in pages}
+    assert [name for name, first in begins.items() if not first.startswith("After this page you")] == []
+
+
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
     for example in (ROOT / "docs" / "examples").glob("*.gz"):

@@ -57,7 +57,7 @@ def test_an_error_over_temperature_is_told_against_temperature_and_as_large_as_d
     drawn = Cleaned.of(fitted, "y").by_run[chamber.runs[0].index]
     assert amplitude_dps == pytest.approx(np.sqrt(2) * np.std(drawn), rel=0.2)
     assert "temperature" not in words  # the finding names the variable itself
-    assert words.startswith(f"rms {1e3 * amplitude_dps / np.sqrt(2):.0f} mdps; most, ")
+    assert words.startswith(f"rms {1e3 * amplitude_dps / np.sqrt(2):.0f} mdps; mostly ")
     assert words.endswith(("°C", "°C up"))
 
 

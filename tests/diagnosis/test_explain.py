@@ -84,7 +84,7 @@ def test_what_does_not_lower_the_error_is_not_added_and_is_told(two_effects: Ses
     assert (found.steps, found.verdict) == ([], "add")
     assert found.last.best is not None
     assert (found.last.best.effect.id,) in {one.group for one in found.left}
-    assert "does not fall with it" in conclusion(found)
+    assert "does not lower the error of held-out data" in conclusion(found)
 
 
 def test_effects_of_one_shape_stay_open() -> None:

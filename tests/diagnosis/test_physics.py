@@ -128,7 +128,7 @@ def test_a_step_is_as_large_in_words_as_in_the_residual() -> None:
         runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{cycle}"))
     comparison = compare(make_session(*runs))
     first = next(f for f in comparison.where if f.axis == "x" and "most" in f.note)
-    words = first.note.split("most, ")[1].split()
+    words = first.note.split("mostly ")[1].split()
     told_mdps, low = float(words[0]), float(words[words.index("from") + 1]) if "from" in words else 0.0
     high = float(words[words.index("to") + 1]) if "to" in words else np.inf
     drawn = np.concatenate(list(Cleaned.of(comparison.fit, "x").by_run.values())) * 1e3

@@ -45,6 +45,6 @@ def test_pairs_of_several_speeds_show_an_asymmetry_against_the_rate(rates, cycle
 
 
 def stated_mdps(note):
-    found = re.search(r"most, ([+-][0-9.e+-]+) mdps", note)
+    found = re.search(r"mostly ([+-][0-9.e+-]+) mdps", note)
     assert found is not None, note
     return float(found.group(1))

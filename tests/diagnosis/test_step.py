@@ -43,7 +43,7 @@ def test_a_step_in_one_run_is_a_misfit_at_its_file_and_second(step_dps: float, d
     (first,) = (f for f in compared.where if f.axis == "z")
     assert first.against == "time"
     assert first.amplitude_dps == pytest.approx(abs(step_dps), rel=0.1)
-    told = re.match(r"a step of (\S+) mdps (\S+) s after the begin of 004_up.csv, in no other run", first.note)
+    told = re.match(r"a step of (\S+) mdps (\S+) s after the start of 004_up.csv, in no other run", first.note)
     assert told is not None
     assert float(told[1]) == pytest.approx(1e3 * step_dps, rel=0.1)
     assert float(told[2]) == pytest.approx(20.0, abs=0.3)

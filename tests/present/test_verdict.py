@@ -48,8 +48,8 @@ def test_a_weak_tone_is_proven_by_its_line_and_not_by_the_excess() -> None:
     with stdout.capture() as capture:
         report.print_comparison(found)
     words = " ".join(capture.get().split())
-    assert ("The verdict stands on" in words) == (level.excess_dps < 2 * level.excess_se_dps)
-    assert "The verdict stands on" in words
+    assert ("The verdict rests on" in words) == (level.excess_dps < 2 * level.excess_se_dps)
+    assert "The verdict rests on" in words
 
 
 Pair = tuple[float, float]

@@ -94,7 +94,7 @@ def test_a_finding_in_proportion_to_the_rate_is_drawn_as_a_part_of_it() -> None:
     mean = next(s for s in drawn["series"] if s["name"] == "mean of all")
     assert [y for _, y, *_ in mean["data"] if y is not None] == pytest.approx([1e6 * SCALE] * 48, abs=1e-3)
     assert drawn["title"][0]["text"].endswith("ppm of the rate")  # as the words say
-    large = replace(finding, note="rms 780 mdps; most, +1.23% of the rate, from 5 s up")
+    large = replace(finding, note="rms 780 mdps; mostly +1.23% of the rate, from 5 s up")
     assert prepare.place(large, points).part is PERCENT
 
 

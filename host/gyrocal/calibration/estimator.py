@@ -1,8 +1,8 @@
 """Scale and bias of one calibration by the model: the host's twin of ``gc_estimator``.
 
-It uses the blocks of 0.25 s, the noise and the priors of the device (ARCHITECTURE.md). A model that was fitted to a campaign
-becomes a :class:`Calibration`, which holds Gaussian priors and effect columns. From it and a few seconds of two runs follow
-scale and bias.
+It uses the blocks of 0.25 s, the noise and the priors of the device (docs/details/device.md). A model that was fitted to a
+campaign becomes a :class:`Calibration`, which holds Gaussian priors and effect columns. From it and a few seconds of two runs
+follow scale and bias.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ A face at true rate w measures ``u = bias + scale * w``. Its means over blocks o
 counts), an Ornstein-Uhlenbeck drift o, and effects c, ripple of the table and a transient. Whether an effect acts is not known.
 Bayesian model averaging weights 44 hypotheses by their evidence: ripple once and twice a turn or not, and a transient of some
 size and time constant or none. Under each hypothesis c is Gaussian with a typical size, so that everything has a closed form.
-``gc_trust`` is the twin on the device (ARCHITECTURE.md).
+``gc_trust`` is the twin on the device (docs/details/device.md).
 
 Arrays hold many sensors at once: N sensors, B blocks.
 """

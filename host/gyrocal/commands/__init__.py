@@ -47,7 +47,7 @@ SessionFolder = Annotated[Path, typer.Argument(metavar="SESSION", help="A sessio
 ModelFile = Annotated[
     Path,
     typer.Option(
-        callback=_writable, help="The model file that gains the effects. Without such a file, it is made from `default`."
+        callback=_writable, help="The model file to which the effects are added. If there is none, it is made from `default`."
     ),
 ]  # fmt: skip
 GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default, or a model file.")]

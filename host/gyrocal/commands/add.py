@@ -13,7 +13,7 @@ def run(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple, or [NAME:] FORMULA.")],
     session: SessionFolder,
     model: ModelFile,
-    heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
+    heldout_day: Annotated[int | None, typer.Option(help="Judge on this day only.")] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:

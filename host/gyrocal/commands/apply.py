@@ -32,7 +32,7 @@ def run(
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Correct recorded rates with a model: those of a session, or of any log, whose true rate nobody knows.
+    """Correct recorded rates with a model: those of a session or of any log. No true rate is needed.
 
     A log gives a table with the columns of a session. Its columns are mapped as `gyrocal import` does; without --map they are
     guessed, shown, and taken if you agree.

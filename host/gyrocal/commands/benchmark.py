@@ -18,7 +18,7 @@ def run(
     name: Annotated[
         str, typer.Argument(metavar="NAME", help=NAMES)
     ],
-    sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Only a few cases, for a quick look.")] = False,
     cases: Annotated[
         str | None, typer.Option(metavar="SET", help="blind: fixed (the default), work or frozen (drawn at random).")
     ] = None,

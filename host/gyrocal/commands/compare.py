@@ -12,7 +12,7 @@ def run(
     session: SessionFolder,
     model: GivenModel = None,
     as_is: Annotated[
-        bool, typer.Option("--as-is", help="Keep the file's parameters: does it still hold, and what has moved?")
+        bool, typer.Option("--as-is", help="Keep the file's parameters: does the model still hold, and which have moved?")
     ] = False,
     html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
     pictures: Annotated[Path | None, typer.Option(help="Write the pictures alone, as PNG, into a folder.")] = None,
@@ -22,7 +22,7 @@ def run(
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
-    """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
+    """Compare the model with the measurements: how much error is left beyond the noise, and where."""
     from gyrocal.diagnosis.compare import compare
     from gyrocal.diagnosis.residuals import write_residuals
     from gyrocal.errors import InputError

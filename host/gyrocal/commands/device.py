@@ -14,7 +14,7 @@ def run(
         list[str] | None,
         typer.Option("--effect", metavar="ID[:name=value,...]", help="Plant an effect in the simulated scenario."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the simulated scenario.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated scenario.")] = 0,
     sensors: Annotated[
         int, typer.Option(min=1, max=4, help="On the board, each with its own simulated scenario or the same session.")
     ] = 1,
@@ -28,12 +28,12 @@ def run(
     ] = None,
     faults: Annotated[str | None, typer.Option(metavar="random:SEED", help="Faults at random times, by a seed.")] = None,
     fifo: Annotated[
-        int, typer.Option(min=0, max=128, help="Samples taken at once out of the sensor's FIFO; 0: each as it comes.")
+        int, typer.Option(min=0, max=128, help="Samples read at once from the sensor's FIFO; 0: each as it comes.")
     ] = 0,
     part: Annotated[str, typer.Option(metavar="NAME", help="Kind of sensor, such as MPU-6050 or ICM-42688-P.")] = "LSM6DSO",
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
-    hold: Annotated[bool, typer.Option("--hold", help="Stay when all is replayed, answering commands.")] = False,
+    hold: Annotated[bool, typer.Option("--hold", help="Keep answering commands when all is replayed.")] = False,
 ) -> None:
     """A simulated device: the firmware's own C core behind a virtual serial port.
 

@@ -8,7 +8,7 @@ from gyrocal.commands import AsJson, OwnEffects
 
 
 def run(
-    effect: Annotated[str | None, typer.Argument(metavar="[ID]", help="Say more of this one.")] = None,
+    effect: Annotated[str | None, typer.Argument(metavar="[ID]", help="Explain this one.")] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:

@@ -8,7 +8,7 @@ import typer
 
 
 class Action(StrEnum):
-    """What is done with a fleet."""
+    """Fit many boards as one population."""
 
     fit = "fit"
 

@@ -34,8 +34,8 @@ Format = Annotated[str | None, typer.Option("--format", help="euroc: the columns
 Topic = Annotated[str | None, typer.Option(help="Which topic of a ROS bag or a ULog.")]
 Columns = Annotated[str | None, typer.Option(help="Names of all columns, a,b,c, where the file has none.")]
 Skip = Annotated[int | None, typer.Option(min=0, help="Lines above the header (found by itself).")]
-LsbDps = Annotated[float | None, typer.Option(help="One gyro count, dps (unit `counts`).")]
-LsbG = Annotated[float | None, typer.Option(help="One accelerometer count, g (unit `counts`).")]
+LsbDps = Annotated[float | None, typer.Option(help="One count of the gyroscope, dps (unit `counts`).")]
+LsbG = Annotated[float | None, typer.Option(help="One count of the accelerometer, g (unit `counts`).")]
 RateHz = Annotated[float | None, typer.Option(help="Samples a second; gives the time where no t_s is mapped.")]
 Runs = Annotated[
     list[str] | None,
@@ -43,7 +43,7 @@ Runs = Annotated[
 ]
 Sections = Annotated[Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')]
 RunMeta = Annotated[
-    list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names fit, e.g. '*_rot:turn=360'.")
+    list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names match, e.g. '*_rot:turn=360'.")
 ]
 
 
@@ -76,12 +76,12 @@ def run(
     resample_hz: Annotated[float | None, typer.Option(help="Bring faster runs to this rate by averaging.")] = None,
     lsb_dps: LsbDps = None,
     lsb_g: LsbG = None,
-    full_scale_dps: Annotated[float | None, typer.Option(help="Where the gyro clips, dps.")] = None,
+    full_scale_dps: Annotated[float | None, typer.Option(help="Full scale of the gyroscope, dps.")] = None,
     sensor: Annotated[str | None, typer.Option(help="The part's name.")] = None,
     reference: Reference = None,
     ref_maps: RefMap = None,
     ref_clock: Annotated[str, typer.Option(help="same: one clock stamped both files; own: each its own.")] = "same",
-    ref_columns: Annotated[str | None, typer.Option(help="Names of all its columns, where it has no header.")] = None,
+    ref_columns: Annotated[str | None, typer.Option(help="Names of all its columns, if it has no header.")] = None,
     ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
     gravity: Gravity = False,
     runs: Runs = None,
@@ -94,10 +94,10 @@ def run(
     scenario: Annotated[str | None, typer.Option(help="Runs of one power cycle share it.")] = None,
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
     power_on_s: Annotated[float | None, typer.Option(help="From power-on to the first sample, s.")] = None,
-    append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
+    append: Annotated[bool, typer.Option("--append", help="Add runs to an existing session.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a session of somebody else's recording. Without --map, columns are guessed, shown, and taken if you agree.
+    """Make a session from a recording of another program. Without --map, columns are guessed, shown, and taken if you agree.
 
     Units: s ms us ns samples; dps deg/s mdps rad/s counts; g mg m/s2 counts; degC K degF; deg rad turn. Keys of a run:
     face, axis, rate, turn, scenario, day, power_on_s; they are also read from names such as s000_down_-78dps.csv.

@@ -11,11 +11,11 @@ from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, Trust
 def run(
     session: SessionFolder,
     model: ModelFile,
-    name: Annotated[str, typer.Option(help="What the effect is to be called.")] = "custom",
+    name: Annotated[str, typer.Option(help="Name of the effect.")] = "custom",
     file: Annotated[
         Path | None,
         typer.Option(
-            help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula. Wants --trust, because "
+            help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula. Needs --trust, because "
             "the file is run."
         ),
     ] = None,

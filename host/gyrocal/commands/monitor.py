@@ -11,7 +11,7 @@ def run(
         float | None, typer.Option(min=0.0, help="Stop after so long; else when the device ends.")
     ] = None,
     reconnect: Annotated[bool, typer.Option("--reconnect", help="Wait for a device that went away.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line, one an event.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object for each event, one a line.")] = False,
 ) -> None:
     """Watch a device live: state, samples, results with their standard errors, what was lost.
 

@@ -36,7 +36,7 @@ def run(
         Path | None, typer.Option(metavar="PLAN.toml", help="Carry out a plan, run by run; runs that OUT has are left out.")
     ] = None,
     hands: Annotated[
-        bool, typer.Option("--hands", help="Turned by hand, without a table: says which movement is missing, until none is.")
+        bool, typer.Option("--hands", help="Calibrate by hand, without a table; it says which movement is still missing.")
     ] = False,
     imu: Annotated[int, typer.Option(min=0, help="Which sensor of the board.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,

@@ -17,11 +17,11 @@ def run(
     ] = None,
     header: Annotated[
         Path | None,
-        typer.Option(help="The weights.h made from it; the shipped one by default. It is compiled and run: wants --trust."),
+        typer.Option(help="The weights.h made from it; the shipped one by default. It is compiled and run: needs --trust."),
     ] = None,
     trust: Trust = False,
     windows: Annotated[int, typer.Option(help="How many pairs of windows.", min=12)] = 1200,
-    seed: Annotated[int, typer.Option(help="Of the windows.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the windows.", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""

@@ -8,7 +8,7 @@ import typer
 
 def run(
     session: Annotated[Path | None, typer.Argument(metavar="[SESSION]", help="A session folder to open.")] = None,
-    port: Annotated[str | None, typer.Option(help="A device to listen to: its serial port or socket://host:port.")] = None,
+    port: Annotated[str | None, typer.Option(help="The device to listen to: its serial port or socket://host:port.")] = None,
     host: Annotated[
         str, typer.Option(help="Where to serve the page; beyond this machine only with the token that is printed.")
     ] = "127.0.0.1",

@@ -37,7 +37,7 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
         if sizes[k] > POLICY.cancelled * amplitude:  # in less than a turn, waves cancel each other
             return amplitude, f"{size}{phase}"
         wave = f"a wave of {rate_text(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
-        return amplitude, f"{size}; most, {wave}{phase}"
+        return amplitude, f"{size}; mostly {wave}{phase}"
     words = shape.words if isinstance(shape, Columns) else ""
     return amplitude, f"{size}, {words}" if words else size
 
@@ -119,7 +119,7 @@ def _steps(current: AxisFit, shape: Steps) -> tuple[float, str]:
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
     k = int(np.argmax(weight * centred**2))
     most = f"{part_text(centred[k], '+')} of the rate" if shape.times_rate else rate_text(centred[k], "+")
-    return amplitude, f"{_size(amplitude)}; most, {most}, {_between(shape, k)}"
+    return amplitude, f"{_size(amplitude)}; mostly {most}, {_between(shape, k)}"
 
 
 def _size(amplitude_dps: float) -> str:

@@ -113,7 +113,7 @@ def keep(
     if name in start.ids:
         raise InputError(f"the model has an effect {name!r} already; give this one another --name")
     if file is not None and (file.exists() or file.suffix != ".py" or not file.absolute().parent.is_dir()):
-        raise InputError(f"--file {file}: must be a new .py in a folder that is there")
+        raise InputError(f"--file {file}: must be a new .py in an existing folder")
     proposal = propose(diagnose(session, start, progress=progress), name, progress)
     text = proposal.formula
     if file is not None:

@@ -156,7 +156,7 @@ def _patch(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
         note += ", which come and go" if found.unsteady else " beyond the noise on both sides"
     else:
         run = fitted.session.runs[list(remainder.by_run)[found.run]]
-        note += f" for {found.seconds:.2g} s, {found.from_s:.4g} s after the begin of {run.file}"
+        note += f" for {found.seconds:.2g} s, {found.from_s:.4g} s after the start of {run.file}"
     return Finding(
         axis, Frequency.name, found.sigma, found.chance, found.amplitude_dps, note, band_hz=(found.low_hz, found.high_hz),
     )  # fmt: skip

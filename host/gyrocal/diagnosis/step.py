@@ -40,7 +40,7 @@ def steps_of_runs(current: AxisFit, axis: str, alarm: float) -> Finding | None:
     sizes_dps = fitted.solution.beta[columns]
     k = int(np.argmax(np.abs(sizes_dps) / np.sqrt(np.diag(fitted.solution.cov)[columns])))
     run, row = at[k]
-    note = f"a step of {rate_text(sizes_dps[k], '+')} {run.sample_s[row] - run.sample_s[0]:.4g} s after the begin of {run.file}"
+    note = f"a step of {rate_text(sizes_dps[k], '+')} {run.sample_s[row] - run.sample_s[0]:.4g} s after the start of {run.file}"
     others = len(at) - 1
     if others:
         note += f", and {others} other{'s' * (others > 1)}"

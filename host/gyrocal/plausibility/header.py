@@ -36,7 +36,7 @@ def _corrected(session: Session) -> list[Warning]:
         return []
     text = (
         f"the rates are those of {session.corrected}: offsets, and perhaps a rotation, were applied to them before they were "
-        "logged. A model fitted on them holds what that left. Import the sensor's own rates where the log has them "
+        "logged. A model fitted on them describes only what that left. Import the sensor's own rates where the log has them "
         "(sensor_gyro of PX4), or export the model with --add-to and the vehicle's parameters"
     )
     return [Warning("corrected_already", None, None, text)]

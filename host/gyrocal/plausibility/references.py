@@ -68,7 +68,7 @@ def check(session: Session) -> list[Warning]:
         offset_s = fit.registration.offset_s
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)
         text = (
-            f"the motion repeats itself, so that the offset of the reference's clock may be {offset_s:+.3f} s, or as well "
+            f"the motion repeats itself, so that the offset of the reference's clock may be {offset_s:+.3f} s, or just as well "
             f"{others} s. Move irregularly for a few seconds to tell"
         )
         out.append(Warning("offset_ambiguous", None, None, text))
@@ -168,7 +168,7 @@ def _noise_unknown(session: Session) -> list[Warning]:
             continue
         text = (
             f"the {name} moves up to half of the sampling rate, so its noise cannot be told from its motion. The noise is at "
-            f"most {most:.2g} {unit}, and may make {of} too small by at most {min(most**2 / motion, 1.0):.2g} of it, "
+            f"most {most:.2g} {unit}, and may make {of} too small by up to {percentage(min(most**2 / motion, 1.0), 2)}, "
             f"which the standard errors contain. State {key} under [reference] in session.toml, or sample faster"
         )
         out.append(Warning("noise_unknown", None, None, text))

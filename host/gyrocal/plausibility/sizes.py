@@ -170,7 +170,7 @@ def _sd(values: list[float]) -> float:
 
 def _scatters(axis: str, cycles: int, how: str) -> Warning:
     text = (
-        f"on {axis}, {cycles} power cycles scatter in {how} (one sigma); a sound part has hundredths of that. "
+        f"on {axis}, {cycles} power cycles scatter in {how} (one sigma), at least a hundred times as much as usual. "
         "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
     )
     return Warning("turn_on_implausible", axis, None, text, True)

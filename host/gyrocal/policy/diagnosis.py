@@ -57,7 +57,7 @@ class Diagnosis:
         8, "number of power cycles below which the explained part is computed within power cycles",
         larger="effects that differ only between power cycles have no explained part",
         smaller="offset and scale of a few power cycles decide the explained part",
-        chosen_by="docs/method.md, rms, floor and excess",
+        chosen_by="docs/details/decisions.md, rms, floor and excess",
     )  # fmt: skip
     least_excess: float = threshold(
         0.3, "smallest excess within power cycles over the floor that is a misfit although no test finds its shape",
@@ -95,7 +95,7 @@ class Diagnosis:
     excess_errors: float = threshold(
         2.0, "standard errors below which an excess has no explained part",
         larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
-        chosen_by="docs/method.md, rms, floor and excess",
+        chosen_by="docs/details/decisions.md, rms, floor and excess",
     )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",

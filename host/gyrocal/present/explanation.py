@@ -88,7 +88,7 @@ def conclusion(e: Explanation) -> str:
         if e.limited:
             return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
         left = "What is left over is not noise alone."
-        return f"{left} It resembles {best}, but the error of held-out data does not fall with it."
+        return f"{left} It resembles {best}, but adding it does not lower the error of held-out data."
     if e.verdict == "adequate" and e.steps:
         compared = e.last.comparison.to_json()
         return left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")

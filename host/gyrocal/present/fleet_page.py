@@ -134,7 +134,7 @@ def course(fleet: Fleet, t: Trend) -> Figure:
         axes.plot([0, at, at, len(made)], [t.before, t.before, t.after, t.after], color=ORANGE, label=f"step at {t.change}")
     else:
         axes.plot([0, len(made)], [t.before, t.after], color=ORANGE, label="steady change")
-    axes.set_xlabel("number of the board, in the order of making")
+    axes.set_xlabel("number of the board, in the order of production")
     axes.set_ylabel(t.parameter)
     axes.legend()
     return figure

@@ -161,7 +161,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"Missing: {best.effect.title.lower()} on {best.axis}. {cause}", style="bold", markup=False)
         stdout.print(f"next: gyrocal add {best.effect.id} {session} --model {target}")
     elif d.verdict == "ambiguous" and best is not None:
-        stdout.print(f"One of {', '.join(best.group)}. To part them: {best.next_measurement}.", style="bold", markup=False)
+        told = f"One of {', '.join(best.group)}. To tell them apart: {best.next_measurement}."
+        stdout.print(told, style="bold", markup=False)
     elif d.verdict == "adequate":
         stdout.print(nothing_found(d.candidates, d.comparison.to_json()), style="bold", markup=False)
     else:

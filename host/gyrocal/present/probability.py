@@ -38,13 +38,13 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
         return []
     share, same_p = made["share"], made["same_in_parts_p"]
     enough = "" if share >= LEAST_SHARE else ": less than half, so that it may be part of something without a name"
-    rows = [("its share", f"{100 * share:.0f} % of what it and an unnamed rest describe together{enough}")]
+    rows = [("its share", f"{100 * share:.0f} % of what it and a disturbance without a name describe together{enough}")]
     if same_p is None:
         return rows
     parts = "early and late, slow and fast, in both directions, cold and warm"
     if same_p >= LEAST_SAME:
         return [*rows, ("the same in parts", f"{parts}: p = {same_p:.2g}")]
-    return [*rows, ("not the same in parts", f"its size differs ({parts}; p = {same_p:.1g}): something else may pass for it")]
+    return [*rows, ("not the same in parts", f"its size differs ({parts}; p = {same_p:.1g}): another cause may look like it")]
 
 
 def probability_rows(judged: Judged) -> list[tuple[str, str]]:

@@ -31,7 +31,7 @@ BLOCKED = (
 )
 
 UNTIMED = (
-    "Nothing stands out, but the times are in doubt, and with them whatever changes with time. Correct what the note "
+    "Nothing was found, but the times are in doubt, and so is everything that changes with time. Correct what the note "
     "(sample_rate) says, and repeat this."
 )
 
@@ -249,7 +249,7 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
         return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}{_also(d, best)}"
     if d.verdict == "ambiguous" and best is not None:
         group = ", ".join(map(called, best.group))
-        return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
+        return f"One of {group}; this session cannot tell which. To tell them apart: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
         where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"

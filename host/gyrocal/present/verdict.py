@@ -109,8 +109,8 @@ def stands_on(compared: Mapping[str, Any]) -> str:
         return ""
     first = compared["where"][0]
     return (
-        f"The verdict stands on the tests of what the model leaves of all data: first on {first['axis']}, against "
-        f"{first['against'].replace('_', ' ')} ({first['strength']:.1f} σ). That the excess is zero within its error does not "
-        "contradict them: it counts only what data left out of the fit show beyond the floor, and the floor contains how "
-        "uncertainly the rest predicts them."
+        f"The verdict rests on the tests of the residual in all data. The strongest is on {first['axis']}, against "
+        f"{first['against'].replace('_', ' ')} ({first['strength']:.1f} σ). An excess of zero within its error does not "
+        "contradict it: the excess counts only what held-out data show beyond the floor, and the floor contains the error of "
+        "their prediction."
     )

@@ -348,8 +348,8 @@ class Run:
         return float(self.sample_s[-1] - self.sample_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:
-        """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged), or if they hold
-        fewer than two samples.
+        """The run's first ``seconds``; None if the run is shorter (docs/details/device.md says how that is judged), or if they
+        hold fewer than two samples.
         """
         limit_us = round(seconds * 1e6)
         inside = int(np.searchsorted(self.t_us, limit_us, side="left"))

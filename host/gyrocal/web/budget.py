@@ -47,7 +47,7 @@ class Budget:
         scale = shares([(line.scale, line.in_se) for line in self.lines], 100.0)
         biases = shares([(line.bias_dps, line.in_se) for line in self.lines], self.unit.per_dps)
         rows = "".join(_row(line, most, *told) for line, *told in zip(self.lines, scale, biases, strict=True))
-        note = "<p class='dim small'>A pale bar is a bound of what the standard error leaves out.</p>" if bounds else ""
+        note = "<p class='dim small'>A pale bar is a bound of what the standard error does not contain.</p>" if bounds else ""
         return f"<table class=plain><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"
 
 

@@ -64,5 +64,5 @@ def _beside(c: Candidate, found: Comparison, named: Sequence[Candidate]) -> str:
     if simpler:
         return f"{simpler[0].effect.title.lower()} has the same course over the recordings, with fewer parameters"
     if named:
-        return f"with {named[0].effect.title.lower()} in the model, it is not certain any more"
+        return f"with {named[0].effect.title.lower()} in the model, it is no longer certain"
     return "so many effects were tried that noise alone may look like one of them"

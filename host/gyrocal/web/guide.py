@@ -79,7 +79,7 @@ class Guide:
         rests = now["rests"] if now else 0
         by_itself = bool(self._live.status.get("replays")) and advised.stage != "done"
         self._tell.text = advised.tell
-        self._why.text = advised.why + " The simulated sensor is turned by itself, in poses of its own." * by_itself
+        self._why.text = advised.why + " The simulated sensor turns by itself, in poses of its own." * by_itself
         self._section.classes(replace=f"face coach {advised.stage}")
         self._ring.content = ring(rests / POLICY.aim_rests, str(rests), aim(rests, POLICY.aim_rests, "rests"))
         at_rest = bool(now and now["at_rest"])

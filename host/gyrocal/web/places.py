@@ -70,7 +70,7 @@ class Places:
     def new(self, name: str) -> Path:
         """The path of a new folder in the first folder. Raises InputError if it exists or the name is not plain."""
         if not re.fullmatch(r"[\w][\w .+-]{0,80}", name):
-            raise InputError(f"{name!r}: want a plain name of letters, digits, - and _")
+            raise InputError(f"{name!r}: give a name of letters, digits, - and _ alone")
         folder = self.inside(name)
         if folder.exists():
             raise InputError(f"{name}: is there already; choose another name")

@@ -51,12 +51,12 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         rows.append(("on unseen data", f"predicts it {how} by {gain} in log-likelihood"))
     if judged["q_value"] is not None:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
-        rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
+        rows.append(("not noise alone", f"false-discovery rate {q}; an effect of the same shape would pass too"))
     rows += probability_rows(judged)
     if card.looks_like:
         if not card.doubts:
             rows.append(("cannot be told from", ", ".join(card.looks_like)))
-        rows.append(("to part them", judged["next_measurement"]))
+        rows.append(("to tell them apart", judged["next_measurement"]))
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
     return rows
@@ -82,7 +82,7 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     if not any((of_axis := excess.get(axis)) is not None and size > of_axis for axis, size in rms_dps):
         return ""
     return (
-        "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
+        "A finding can be larger than the excess: the floor contains the noise and what may differ between power "
         "cycles, and the excess is only what lies beyond it."
     )
 
@@ -143,5 +143,5 @@ def unseen(held_out: str) -> str:
 def not_yet(bench: Workbench) -> str:
     """Why there is no model to show."""
     if bench.session is not None:
-        return "Comparing the model with the recordings…" if bench.jobs.current else "The model was not compared."
+        return "Comparing the model with the recordings…" if bench.jobs.current else "The model has not been compared."
     return "Reading the session…" if bench.opening else "Open a session first."

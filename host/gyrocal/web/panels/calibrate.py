@@ -217,7 +217,7 @@ class CalibratePanel:
                     ("Model, TOML", "download", self._model),
                 ):
                     ui.button(text, icon=icon, on_click=act, color=None).props("outline no-caps dense")
-            ui.label("The report tells the whole story on one page. The command line takes the model with --model.").classes(
+            ui.label("The report shows all of this on one page. The command line takes the model with --model.").classes(
                 "dim small"
             )
 

@@ -149,7 +149,7 @@ class DiagnosePanel:
         others = {c.judged["axis"] for c in step.recipe.cards if c.judged["decision"] == "add"} - step.axes
         if others:
             ui.label(
-                f"It is not in the model on {', '.join(sorted(others))}, where it is not certain for itself beside the rest."
+                f"It is not in the model on {', '.join(sorted(others))}, where it is not certain beside the other effects."
             ).classes("small")
         if not cards:
             by_hand(self.bench, step)

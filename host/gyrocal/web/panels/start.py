@@ -122,7 +122,7 @@ def _try(tab: Tab) -> None:
         ).classes("primary").bind_enabled_from(chosen, "value", lambda value: value is not None)
     with ui.row().classes("tight"):
         ui.button("Surprise me", icon="casino", on_click=surprised, color=None).props("outline no-caps")
-        ui.label("An effect is drawn and not told. Find it; then ask for the truth.").classes("dim small grow")
+        ui.label("An effect is chosen at random and kept secret. Find it, then ask for the truth.").classes("dim small grow")
 
 
 def _plug_in(tab: Tab) -> None:
