@@ -20,6 +20,8 @@ SLOPE = 0.05
 """Half the step of the logarithm with which that slope is computed."""
 LARGEST = 10.0
 """Sizes of up to this many times the largest typical one are in physical range."""
+SMALLEST = 0.1
+"""Sizes down to this part of the smallest typical one are expected: a long recording shows what a data sheet does not list."""
 
 
 class Form(Protocol):
@@ -206,4 +208,4 @@ def _forms(effect: Effect, runs: Sequence[Run], axis: int) -> Iterator[Option]:
 
 def _size(effect: Effect, name: str) -> tuple[float, float]:
     low, high = effect.parameter(name).typical
-    return low, LARGEST * high
+    return SMALLEST * low, LARGEST * high

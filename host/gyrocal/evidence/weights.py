@@ -18,7 +18,7 @@ from gyrocal.evidence.matrix import Index, Matrix
 from gyrocal.evidence.states import States, factor
 from gyrocal.recording.session import Array
 
-SIZES = 4
+SIZES = 5
 """Number of standard deviations of a coefficient that are tried."""
 AMPLITUDES = (0.05, 0.15, 0.5, 1.5, 5.0, 15.0)
 """Amplitudes of what is left over, in standard deviations of the white noise's mean over a second."""
