@@ -22,7 +22,6 @@ from benchmarks import edge_table
 from benchmarks.edge_table import Row
 
 from gyrocal.evidence.checked import Checks
-from gyrocal.evidence.curve import supported
 
 EDGES = (-14.0, -4.0, -2.2, -0.85, 0.0, 1.4, 2.2, 4.6, 10.0, np.inf)
 MOST = 20.0
@@ -70,20 +69,15 @@ def curve(rows: Sequence[Row]) -> tuple[Knots, float]:
 
 
 def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
-    """Of every name that the tests alone are sure of and that has log odds: is it true?
-
-    First those that the evidence supports, then the others.
-    """
-    with_evidence, without = [], []
+    """Of the names that the evidence can judge: is each true? First the sure ones, then those of the tests alone."""
+    kept, taken = [], []
     for row in (row for row in rows if row["error"] is None):
         right = {tuple(name) for name in row["truth"]["right"]}
-        judged = {(c["effect"], c["axis"]): c for c in row["candidates"]}
-        for name in edge_table.sure(edge_table.of_tests(row)):
-            c = judged[name]
-            if c.get("log_odds") is not None:
-                checks = None if c["checks"] is None else Checks(**c["checks"])
-                (with_evidence if supported(c["log_odds"], checks) else without).append(name in right)
-    return with_evidence, without
+        judged = {(c["effect"], c["axis"]) for c in row["candidates"] if c.get("log_odds") is not None}
+        sure = set(edge_table.sure(row))
+        kept += [name in right for name in sure & judged]
+        taken += [name in right for name in (set(edge_table.sure(edge_table.of_tests(row))) - sure) & judged]
+    return kept, taken
 
 
 def main() -> None:
@@ -91,11 +85,11 @@ def main() -> None:
     knots, failed = curve(rows)
     print(f"KNOTS = {tuple(knots)}")
     print(f"FAILED = {failed}")
-    with_evidence, without = named(rows)
-    bound = edge_table.upper(with_evidence.count(False), len(with_evidence))
+    kept, taken = named(rows)
+    bound = edge_table.upper(kept.count(False), len(kept))
     print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
-    print(f"sure names: {sum(with_evidence)} of {len(with_evidence)} true where the evidence supports them")
-    print(f"            {sum(without)} of {len(without)} true where it does not")
+    print(f"sure names that the evidence can judge: {sum(kept)} of {len(kept)} true")
+    print(f"those of the tests alone that it does not support: {sum(taken)} of {len(taken)} true")
     for passed in (True, False):
         found = pairs(rows, passed)
         for least in EDGES[-3:-1]:
