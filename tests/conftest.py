@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from watched import Watched
+from watched import ONE_THREAD, Watched
+
+os.environ |= ONE_THREAD  # read as numpy, torch and polars are imported, also by the commands that a test starts
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -63,6 +65,15 @@ def _known_answers() -> Iterator[None]:
     from known import known_answers
 
     with known_answers():
+        yield
+
+
+@pytest.fixture(scope="module")
+def decisions_alone() -> Iterator[None]:
+    """The diagnoses of one file have no probabilities: for a file that asks for decisions and says nothing of probabilities."""
+    from known import without_probabilities
+
+    with without_probabilities():
         yield
 
 

@@ -12,7 +12,7 @@ from .outcome import Outcome
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> list[Outcome]:
+def outcomes(known_answers: None) -> list[Outcome]:
     return benchmark.run(SAMPLE, workers=0)  # other tests run beside it
 
 

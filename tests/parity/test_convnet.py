@@ -31,8 +31,8 @@ def _cc(require_tool: Callable[[str], str]) -> None:
     require_tool("cc")
 
 
-def test_fifty_seeds_differ_by_half_of_what_is_allowed() -> None:
-    found = [verify(INT8, seed=seed, n=300) for seed in range(50)]
+def test_ten_seeds_differ_by_half_of_what_is_allowed() -> None:
+    found = [verify(INT8, seed=seed, n=300) for seed in range(10)]
     assert min(f["windows"] for f in found) > 1200, "most windows are within the range of the training data"
     assert max(f["max_diff_of_range"] for f in found) <= 0.5 * TOLERANCE
 

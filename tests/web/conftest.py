@@ -21,7 +21,6 @@ ARGUMENTS = [
 ]  # fmt: skip
 """The last one: Chromium asks for names of its maker's hosts as it starts, and gets none."""
 PATIENCE_S, MOST_PATIENCE_S = 60.0, 180.0
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
 
 
 def patience_s() -> float:
@@ -45,7 +44,7 @@ def serve() -> Iterator[Callable[..., Served]]:
 
     def start(folder: Path, *arguments: str) -> Served:
         # NiceGUI behaves otherwise where it finds itself under pytest
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | ONE_THREAD
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
         command = [sys.executable, "-m", "gyrocal", "workbench", "--no-browser", *arguments]
         process = subprocess.Popen(
             command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
