@@ -8,7 +8,6 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
-
 pytestmark = pytest.mark.usefixtures("decisions_alone")
 
 

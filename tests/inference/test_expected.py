@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model, Term
-from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.expected import expected
 from gyrocal.inference.fit import fit
@@ -19,7 +18,6 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
-
 
 Mask = NDArray[np.bool_]
 

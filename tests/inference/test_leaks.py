@@ -27,7 +27,7 @@ def test_a_part_of_a_run_is_predicted_without_what_stands_beside_it() -> None:
     """In a run of 20 s nothing within a second of the part is used, as drift correlates it with the part."""
     rng = np.random.default_rng(2)
     runs = [
-        make_run(T_S, rng.normal(0, WHITE_DPS, (T_S.size, 3)) + [0, 0, rate], table_rate_dps=rate, scenario="s0", day=1)
+        make_run(T_S, rng.normal([0, 0, rate], WHITE_DPS, (T_S.size, 3)), table_rate_dps=rate, scenario="s0", day=1)
         for rate in (TABLE_DPS, -TABLE_DPS)
     ]
     found = fit(make_session(*runs), Model.builtin("default"), axes=["z"])
