@@ -25,6 +25,7 @@ from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains, symbols
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 AMPLITUDE_DPS = 0.06
 """Of the planted wave, once per turn."""
 
