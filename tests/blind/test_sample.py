@@ -25,6 +25,7 @@ def _said(outcomes: list[Outcome]) -> str:
     return "\n".join(outcome.line() for outcome in outcomes if outcome.fault is not None)
 
 
+@pytest.mark.slow
 def test_every_case_is_judged_and_none_is_too_faint(outcomes, figures):
     assert [outcome.case for outcome in outcomes] == SAMPLE
     assert figures["too_faint"] == []

@@ -140,6 +140,7 @@ def test_a_fault_is_named_and_makes_no_answer_wrong(sim: Sim, planted: dict[bool
         assert (last["seconds"], last["trusted"]) == ("6", "1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PASSING)
 @pytest.mark.parametrize("when", ["@0", "@0.005:0.02*5", "@5.9:0.3", "@8:0.1*9"])
 def test_whenever_it_comes_no_answer_is_wrong(sim: Sim, planted: dict[bool, Planted], name: str, when: str) -> None:

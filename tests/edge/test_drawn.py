@@ -145,6 +145,7 @@ def four_recordings() -> list[recording.Recording]:
     return [drawn.draw_recording(np.random.default_rng([7, seed])) for seed in range(4)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(disturbances.KINDS))
 def test_every_disturbance_is_finite_wherever_it_is_drawn(kind: str, four_recordings: list[recording.Recording]) -> None:
     for seed, made in enumerate(four_recordings):

@@ -21,6 +21,7 @@ def objects(clang: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", fuzzing.TARGETS)
 def test_nothing_is_found(clang: str, objects: Path, target: str, tmp_path: Path) -> None:
     done = fuzzing.fuzz(fuzzing.link(clang, objects, target), SECONDS, tmp_path, seed=1)

@@ -44,6 +44,7 @@ def test_an_output_that_hardly_varies_is_granted_rounding_and_no_more() -> None:
     assert granted[1] == pytest.approx(4 * np.finfo(np.float32).eps * reference[-1, 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*ARRAYS, "gc_gyrocal_straight"])
 def test_one_wrong_number_in_any_array_is_noticed(name: str, tmp_path: Path) -> None:
     """The largest number of the array changes its sign."""

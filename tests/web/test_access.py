@@ -56,6 +56,7 @@ def test_pages_say_their_language_heading_and_labels(served: Any, look: Callable
         assert page.evaluate(UNREACHED) == [], name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str) -> None:
     require_module("axe_playwright_python")

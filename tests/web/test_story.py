@@ -85,6 +85,7 @@ def downloaded(page: Any, button: str) -> str:
     return Path(download.value.path()).read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("known_answers")
 def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     compared = cli(folder, "compare", "hidden")

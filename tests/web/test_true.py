@@ -74,6 +74,7 @@ def ripple(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bench, Recording, 
     return bench, recording, bench.compare(recording, "default", silent), bench.diagnose(recording, "default", silent)
 
 
+@pytest.mark.slow
 def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:
