@@ -30,7 +30,6 @@ from gyrocal.api import (
 from gyrocal.present.output import plus_minus
 
 
-
 @pytest.fixture(scope="module")
 def session() -> Session:
     return simulate(None, "paper", ["table_ripple"], 3, scenarios=3, seconds=8.0)[0]

@@ -1,4 +1,4 @@
-"""The types of host and model_export and of the lines of Python in the docs, by mypy, in one run that reads the library once."""
+"""The types of host, model_export and the lines of Python in the docs, by mypy, in one run that reads the library once."""
 
 import os
 import re
