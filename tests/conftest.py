@@ -4,11 +4,12 @@ import importlib.util
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
+from compiled import Objects
 from watched import ONE_THREAD, Watched
 
 os.environ |= ONE_THREAD  # read as numpy, torch and polars are imported, also by the commands that a test starts
@@ -46,6 +47,30 @@ def require_module() -> Callable[[str], None]:
             pytest.skip(f"package {name} is not installed: pip install 'gyrocal[train]'")
 
     return require
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Objects:
+    """Objects of C sources that all workers share."""
+    root = tmp_path_factory.getbasetemp()
+    return Objects((root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "compiled")
+
+
+@pytest.fixture
+def compiled_for_cpus(compiled: Objects, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What ``gyrocal.core.cpus`` compiles for a CPU is compiled once: each part is linked with the whole core."""
+    from gyrocal.core import cpus
+
+    output = cpus._output
+
+    def once(cpu: cpus.Cpu, command: Sequence[str], *more: float) -> bytes:
+        if "-c" not in command:
+            return output(cpu, command, *more)
+        *options, _, source, _, target = command
+        shutil.copy(compiled.of(options, Path(source)), target)
+        return b""
+
+    monkeypatch.setattr(cpus, "_output", once)
 
 
 @pytest.fixture

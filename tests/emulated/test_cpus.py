@@ -16,6 +16,7 @@ from gyrocal.noise.drift import Drift
 from gyrocal.simulation import simulate
 from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
+pytestmark = pytest.mark.usefixtures("compiled_for_cpus")
 BITS = ROOT / "test" / "test_same_bits" / "bits.c"
 TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
 CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
