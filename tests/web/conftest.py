@@ -82,12 +82,16 @@ def chromium(require_tool: Callable[[str], str], require_module: Callable[[str],
 
 @pytest.fixture
 def look(chromium: Any) -> Iterator[Callable[..., Any]]:
-    """`look(url)` opens a page; at the end none has asked another host for anything, nor complained."""
+    """`look(url)` opens a page; at the end none has asked another host for anything, nor complained.
+
+    Nothing moves unless ``reduced_motion="no-preference"``: each frame of a motion is drawn by the processor.
+    """
     complaints: list[str] = []
     contexts = []
 
     def open_page(url: str, **options: Any) -> Any:
-        context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
+        still = {"reduced_motion": "reduce", "viewport": {"width": 1280, "height": 720}}
+        context = chromium.new_context(**still | options)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(1e3 * patience_s())

@@ -93,7 +93,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     excess = mdps(compared["excess_within_dps"], 2)  # as the explained part counts with few power cycles
     before, after = (mdps(added[name]["excess_within_dps"], 2) for name in ("before", "after"))
 
-    page = look(served.url)
+    page = look(served.url, reduced_motion="no-preference")
     compares(page, compared)
     card = diagnoses(page, cli(folder, "diagnose", "hidden"))
     assert shown_excess(page) == [excess]
