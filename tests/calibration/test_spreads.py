@@ -139,5 +139,5 @@ def test_a_prior_is_as_wide_as_its_spread_and_the_error_of_its_mean() -> None:
     terms = Term("scale", "z", {"scale": 0.002}, {"scale": 3e-4}), Term("bias", "z", {"bias_dps": 0.1}, {"bias_dps": 0.04})
     noise = AxisNoise(0.04, turn_on_bias=TurnOnBias(0.03), turn_on_scale=TurnOnScale(4e-4))
     found = calibration_of(Model("m", terms, {"z": noise}), "z")
-    assert found.scale == pytest.approx((0.002, 5e-4), rel=1e-3)
-    assert found.bias_dps == pytest.approx((0.1, 0.05), rel=1e-3)
+    assert found.scale == pytest.approx((0.002, 5e-4), rel=0.01)
+    assert found.bias_dps == pytest.approx((0.1, 0.05), rel=0.01)
