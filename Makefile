@@ -42,7 +42,7 @@ lowest: VENV := .venv-lowest
 lowest:
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python tests/lowest_versions.py pyproject.toml > $(VENV)/lowest.txt
-	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[page,net,import,ros,fleet]' pytest hypothesis mypy pandas pyyaml
+	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[page,net,import,ros,fleet]' pytest hypothesis pandas pyyaml
 	$(VENV)/bin/pytest tests/recording tests/error_model tests/noise tests/calibration tests/present tests/test_cli.py tests/test_api.py
 
 # the tutorials, the notebook and the recordings of docs/ in an environment that holds the wheel and nothing of this folder

@@ -1,6 +1,6 @@
 """Random use of every page of the workbench from a seed: no error in the browser's console, no traceback in the server.
 
-python benchmarks/monkey.py [--minutes 10] [--seed 1]
+python benchmarks/monkey.py [--acts 4000] [--seed 1]
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COSTLY = "Train it"
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--acts", type=int, default=4000)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     from playwright.sync_api import sync_playwright
@@ -45,7 +45,7 @@ def main() -> int:
             page = browser.new_page(viewport={"width": 1280, "height": 720})
             page.on("console", lambda m: complaints.append(f"{m.type}: {m.text}") if m.type in ("error", "warning") else None)
             page.on("pageerror", lambda error: complaints.append(str(error)))
-            acts = play(page, found[1], given.seed, 60 * given.minutes, COSTLY)
+            play(page, found[1], given.seed, given.acts, COSTLY)
             browser.close()
         alive = process.poll() is None
         process.send_signal(signal.SIGINT)
@@ -53,7 +53,7 @@ def main() -> int:
         said.seek(0)
         text = said.read()
     traces = text.count("(most recent call last)")
-    print(f"{acts} acts in {given.minutes:g} min: {len(complaints)} complaints of the browser, {traces} of the server")
+    print(f"{given.acts} acts: {len(complaints)} complaints of the browser, {traces} of the server")
     print("\n".join([*complaints[:20], text[-3000:] if traces else ""]).strip())
     return 0 if alive and not complaints and not traces else 1
 

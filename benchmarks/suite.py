@@ -1,4 +1,4 @@
-"""Processor seconds of the tests, by file and by test, child processes included, whatever else the machine does.
+"""Processor seconds of the tests, by folder, by file and by test, child processes included, whatever else the machine does.
 
     python benchmarks/suite.py                        # all tests, one after the other
     python benchmarks/suite.py tests/web tests/pins   # these
@@ -52,8 +52,12 @@ if __name__ == "__main__":
     costs = Costs()
     code = pytest.main(["-p", "no:cacheprovider", *sys.argv[1:]], plugins=[costs])
     files: Counter[str] = Counter()
+    folders: Counter[str] = Counter()
     for test, of in costs.seconds.items():
-        files[test.partition("::")[0]] += of
+        file = test.partition("::")[0]
+        files[file] += of
+        folders["/".join(file.split("/")[:2])] += of
+    show("by folder", folders)
     show("by file", files)
     show("by test", costs.seconds)
     print(f"\n{sum(files.values()):.0f} s of processor in all")

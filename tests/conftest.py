@@ -4,12 +4,15 @@ import importlib.util
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from watched import Watched
+from compiled import Objects
+from watched import ONE_THREAD, Watched
+
+os.environ |= ONE_THREAD  # read as numpy, torch and polars are imported, also by the commands that a test starts
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -46,6 +49,30 @@ def require_module() -> Callable[[str], None]:
     return require
 
 
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Objects:
+    """Objects of C sources that all workers share."""
+    root = tmp_path_factory.getbasetemp()
+    return Objects((root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "compiled")
+
+
+@pytest.fixture
+def compiled_for_cpus(compiled: Objects, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What ``gyrocal.core.cpus`` compiles for a CPU is compiled once: each part is linked with the whole core."""
+    from gyrocal.core import cpus
+
+    output = cpus._output
+
+    def once(cpu: cpus.Cpu, command: Sequence[str], *more: float) -> bytes:
+        if "-c" not in command:
+            return output(cpu, command, *more)
+        *options, _, source, _, target = command
+        shutil.copy(compiled.of(options, Path(source)), target)
+        return b""
+
+    monkeypatch.setattr(cpus, "_output", once)
+
+
 @pytest.fixture
 def watched(tmp_path: Path, require_tool: Callable[[str], str]) -> Watched:
     """A user with an empty home, whose commands run under strace."""
@@ -63,6 +90,15 @@ def _known_answers() -> Iterator[None]:
     from known import known_answers
 
     with known_answers():
+        yield
+
+
+@pytest.fixture(scope="module")
+def decisions_alone() -> Iterator[None]:
+    """The diagnoses of one file have no probabilities: for a file that asks for decisions and says nothing of probabilities."""
+    from known import without_probabilities
+
+    with without_probabilities():
         yield
 
 

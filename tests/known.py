@@ -16,13 +16,27 @@ from gyrocal.diagnosis import compare, naming
 from gyrocal.diagnosis.add import Added, add
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, measure
-from gyrocal.diagnosis.probability import with_probabilities
+from gyrocal.diagnosis.probability import OnAxis, with_probabilities
 from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.gravity import compare as gravity_compare
 from gyrocal.gravity import naming as gravity_naming
 from gyrocal.recording.session import Session
 from gyrocal.variables.base import variables
+
+
+@contextmanager
+def without_probabilities() -> Iterator[None]:
+    """Within this context, a diagnosis has no probabilities, which cost a third of it and change no decision.
+
+    ``tests/present/test_probability.py`` holds that they change none.
+    """
+
+    def none(found: Sequence[Candidate], *_: Any) -> tuple[list[Candidate], list[OnAxis]]:
+        return list(found), []
+
+    with patch("gyrocal.diagnosis.diagnose.with_probabilities", none), patch("known.with_probabilities", none):
+        yield
 
 
 def add_measured(session: Session, model: Model | None, effect_id: str) -> Added:

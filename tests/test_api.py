@@ -1,8 +1,5 @@
 """The Python interface: the README's lines, and what people expect of results in Python and in a notebook."""
 
-import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,8 +29,6 @@ from gyrocal.api import (
 )  # fmt: skip
 from gyrocal.present.output import plus_minus
 
-ROOT = Path(__file__).resolve().parent.parent
-
 
 @pytest.fixture(scope="module")
 def session() -> Session:
@@ -54,16 +49,6 @@ def test_the_steps_of_the_readme(session: Session) -> None:
     model = model.add(best.effect.id, best.axis)
     assert model.ids[-1] == "table_ripple"
     assert compare(session, model).verdict == "adequate"
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/api.md"])
-def test_the_lines_of_the_docs_pass_mypy_strict(page: str, tmp_path: Path) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
-    assert blocks
-    (tmp_path / "lines.py").write_text("\n".join(blocks))
-    words = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", str(ROOT / ".mypy_cache/docs")]
-    done = subprocess.run([*words, str(tmp_path / "lines.py")], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize("kind", ["Session", "Diagnosis", "Comparison", "Calibration", "Model", "Fit", "Explanation"])

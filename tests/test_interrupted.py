@@ -26,7 +26,7 @@ from gyrocal.recording.session import Session
 from gyrocal_export.files import write_all
 from make_runs import make_run, make_session
 
-KILLED_AT = (0, 1, 50, 150)
+KILLED_AT = (1, 150)
 Write = Callable[[Path], object]
 
 

@@ -4,8 +4,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("host", "model_export", "firmware", "benchmarks", "tests")
 LINES_OF = {".py": 400, ".c": 500, ".h": 500, ".cpp": 500}
@@ -35,9 +33,11 @@ def test_files_are_short() -> None:
     assert long_files() == {}
 
 
-@pytest.mark.parametrize("path", [p for p in sources() if p.suffix == ".py"], ids=lambda p: str(p.relative_to(ROOT)))
-def test_functions_are_short(path: Path) -> None:
-    assert list(long_functions(path.read_text(encoding="utf-8"))) == []
+def test_functions_are_short() -> None:
+    python = [path for path in sources() if path.suffix == ".py"]
+    assert len(python) > 500
+    found = {str(path.relative_to(ROOT)): list(long_functions(path.read_text(encoding="utf-8"))) for path in python}
+    assert {name: long for name, long in found.items() if long} == {}
 
 
 def test_a_long_function_is_seen_also_within_a_class() -> None:

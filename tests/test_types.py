@@ -1,5 +1,7 @@
-"""The types of host and model_export by mypy: a test among the others, with which it shares the processors."""
+"""The types of host, model_export and the lines of Python in the docs, by mypy, in one run that reads the library once."""
 
+import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -7,10 +9,18 @@ from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = {"lines_of_readme.py": ROOT / "README.md", "lines_of_api.py": ROOT / "docs" / "api.md"}
+
 
 @pytest.mark.slow
-def test_types_are_right(require_module: Callable[[str], None]) -> None:
+def test_types_are_right(require_module: Callable[[str], None], tmp_path: Path) -> None:
     require_module("mypy")
-    root = Path(__file__).resolve().parents[1]
-    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=root, capture_output=True, text=True, check=False)
+    for name, page in PAGES.items():
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        assert blocks, page
+        (tmp_path / name).write_text("\n".join(blocks), encoding="utf-8")
+    words = [sys.executable, "-m", "mypy", "--strict", "host", "model_export", *(str(tmp_path / name) for name in PAGES)]
+    places = {"MYPYPATH": str(tmp_path)}
+    done = subprocess.run(words, cwd=ROOT, env=os.environ | places, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -21,6 +21,7 @@ HARMLESS = {("AF_UNIX", "0"), ("AF_UNIX", "IPPROTO_IP"), ("AF_NETLINK", "NETLINK
 """Families and protocols that stay on this machine: sockets of the file system, and the kernel's list of interfaces."""
 TRACE = "trace=network,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,linkat,symlink,symlinkat"
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
+"""The workers share the processors: more threads than those wait for each other."""
 OF_THE_SYSTEM = re.compile(r"/proc/|/dev/(?!shm/)|.*/__pycache__(?:/|$)")
 """Where a name stands for a device, or for what Python compiled beside a module."""
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.explain import explain
@@ -22,6 +21,7 @@ from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.recording.session import AXES, Session
+from known import add_measured
 
 from . import stepwise
 from .drawn import Draw
@@ -74,7 +74,7 @@ def _walk(session: Session, found: Diagnosis, truth: Truth, most_steps: int) -> 
         named.append((best.effect.id, best.axis))
         if truth.case.kind not in NAMEABLE:
             break
-        _, after, model = add(session, model, best.effect.id)
+        _, after, model = add_measured(session, model, best.effect.id)
         best = diagnose(session, model).best if len(named) < most_steps else None
     group = found.best.group if found.best is not None else next((c.group for c in found.candidates if c.group), ())
     decisions = tuple(c.decision for c in _on_truth(found, truth.case))

@@ -12,7 +12,7 @@ from .outcome import Outcome
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> list[Outcome]:
+def outcomes(known_answers: None) -> list[Outcome]:
     return benchmark.run(SAMPLE, workers=0)  # other tests run beside it
 
 
@@ -25,6 +25,7 @@ def _said(outcomes: list[Outcome]) -> str:
     return "\n".join(outcome.line() for outcome in outcomes if outcome.fault is not None)
 
 
+@pytest.mark.slow
 def test_every_case_is_judged_and_none_is_too_faint(outcomes, figures):
     assert [outcome.case for outcome in outcomes] == SAMPLE
     assert figures["too_faint"] == []

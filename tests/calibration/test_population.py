@@ -16,6 +16,7 @@ def rows() -> list[Row]:
     return found
 
 
+@pytest.mark.slow
 def test_sound_sensors_anywhere_are_trusted_and_their_errors_honest(rows: list[Row]) -> None:
     sound = [r for r in rows if not r["effects"] and r["seconds"] == 6]
     assert {r["method"] for r in sound} == {"baseline", "cnn", "model"}

@@ -11,6 +11,8 @@ from gyrocal.calibration.scenarios import answers
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import (
     BIAS_SD_DPS,
@@ -131,3 +133,11 @@ def test_a_spread_that_is_not_positive_is_refused(learned: Model, tmp_path) -> N
     (tmp_path / "m.toml").write_text(text)
     with pytest.raises(InputError, match="tau_s_sd"):
         Model.open(tmp_path / "m.toml")
+
+
+def test_a_prior_is_as_wide_as_its_spread_and_the_error_of_its_mean() -> None:
+    terms = Term("scale", "z", {"scale": 0.002}, {"scale": 3e-4}), Term("bias", "z", {"bias_dps": 0.1}, {"bias_dps": 0.04})
+    noise = AxisNoise(0.04, turn_on_bias=TurnOnBias(0.03), turn_on_scale=TurnOnScale(4e-4))
+    found = calibration_of(Model("m", terms, {"z": noise}), "z")
+    assert found.scale == pytest.approx((0.002, 5e-4), rel=0.01)
+    assert found.bias_dps == pytest.approx((0.1, 0.05), rel=0.01)

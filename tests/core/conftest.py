@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from compiled import Objects
 from gyrocal_firmware import CORE, INCLUDE, SIM
 
 HERE = Path(__file__).parent
@@ -29,11 +30,15 @@ def cc(require_tool: Callable[[str], str]) -> str:
 
 
 @pytest.fixture(scope="session")
-def objects(cc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def objects(cc: str, compiled: Objects, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one object a source of the core and of the emulator."""
     folder = tmp_path_factory.mktemp("objects") if COVERAGE is None else Path(COVERAGE)
     sources = [*sorted(CORE.rglob("*.c")), *sorted(p for p in SIM.glob("*.c") if p.name != "main.c")]
-    subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", f"-I{INCLUDE}", *map(str, sources)], cwd=folder, check=True)
+    command = [cc, *FLAGS, f"-I{CORE}", f"-I{INCLUDE}"]
+    if COVERAGE is None:
+        compiled.into(folder, command, sources)
+    else:
+        subprocess.run([*command, "-c", *map(str, sources)], cwd=folder, check=True)
     return folder
 
 

@@ -51,7 +51,9 @@ def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
     subprocess.run([require_tool("gcc"), *flags, *map(str, SOURCES)], cwd=tmp_path, check=True)
     allowed = {"memcpy", "memset", "memcmp", "memmove", "memchr", "strchr", "strlen"}
     allowed |= {"sqrt", "fabs", "floor", "fmin", "fmax"}
-    for unit in sorted(tmp_path.glob("*.o")):
+    units = sorted(tmp_path.glob("*.o"))
+    assert [unit.stem for unit in units] == sorted(source.stem for source in SOURCES) != []
+    for unit in units:
         symbols = subprocess.run([require_tool("nm"), unit], capture_output=True, text=True, check=True).stdout
         for line in symbols.splitlines():
             kind, name = line.split()[-2:]
@@ -60,7 +62,9 @@ def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
 
 
 def test_an_effect_is_one_file_that_no_list_names() -> None:
-    for effect in sorted((CORE / "effects").glob("*.c")):
+    effects = sorted((CORE / "effects").glob("*.c"))
+    assert effects
+    for effect in effects:
         assert f"GC_EFFECT({effect.stem}) {{" in effect.read_text()
         others = [p for p in (*SOURCES, *HEADERS) if p != effect and f"effect_{effect.stem}" in p.read_text()]
         assert not others, f"{effect.stem} is named in {others}"

@@ -140,14 +140,15 @@ def test_a_fault_is_named_and_makes_no_answer_wrong(sim: Sim, planted: dict[bool
         assert (last["seconds"], last["trusted"]) == ("6", "1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PASSING)
-@pytest.mark.parametrize("when", ["@0", "@0.005:0.02*5", "@1:3*3", "@5.9:0.3", "@6.4:1", "@8:0.1*9"])
+@pytest.mark.parametrize("when", ["@0", "@0.005:0.02*5", "@5.9:0.3", "@8:0.1*9"])
 def test_whenever_it_comes_no_answer_is_wrong(sim: Sim, planted: dict[bool, Planted], name: str, when: str) -> None:
     fifo = name == "bad_tags" or when.endswith("*9")
     check(planted[fifo], play(sim, planted, name + when, fifo=fifo), name + when)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(15))
 def test_random_faults_together_make_no_answer_wrong(sim: Sim, planted: dict[bool, Planted], seed: int) -> None:
     rng = np.random.default_rng([seed, 3])
     fifo = bool(rng.integers(2))

@@ -101,6 +101,19 @@ def test_a_run_at_rest_renews_the_bias(bench: Path) -> None:
     assert abs(np.mean([s.number("3") for s in said])) < 5 * 5 * LSB_DPS / np.sqrt(len(said))
 
 
+def test_after_a_reset_there_is_nothing_to_undo(bench: Path) -> None:
+    assert errors(run(bench, f"power\n{PAIR}> reset\n> undo\n")) == ["no_undo"]
+
+
+def test_the_error_of_a_turn_grows_with_the_seconds_that_the_bias_of_a_short_rest_is_taken_for(bench: Path) -> None:
+    """An unknown bias turns the reading by its error times the seconds of the turn, its rest included."""
+    rest = f"{STILL}noise 5\npower\n> set table_dps 0\n> start up\nrun 3\n> stop\n"
+    turn = f"> set table_dps none\n> set turn_deg 90\n> start up\n{UP}run 1.15\n{STILL}run 20\n> stop\n"
+    said = {s["method"]: s for s in sentences(run(bench, rest + turn), "CAL")}
+    by_bias = said["rest"].number("bias_se_dps") * 21.15 / 90
+    assert by_bias < said["turn"].number("scale_se") < 1.2 * by_bias  # white noise adds a few percent
+
+
 def test_a_turn_on_the_wrong_face_is_told(bench: Path) -> None:
     rest = f"{STILL}noise 5\npower\n> set table_dps 0\n> start up\nrun 3\n> stop\n"
     turn = f"> set table_dps none\n> set turn_deg 90\n> start {{}}\n{UP}run 1.15\n{STILL}run 1\n> stop\n"

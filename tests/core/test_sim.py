@@ -12,7 +12,7 @@ import pytest
 
 from gyrocal_firmware import SIM
 
-from .conftest import Build, make_pair, make_run, run, sentences, ticks, write_rows
+from .conftest import Build, make_pair, make_run, sentences, ticks, write_rows
 
 Sim = Callable[..., str]
 
@@ -193,6 +193,14 @@ def test_faster_than_real_time_waits_for_its_reader(build: Build, tmp_path: Path
 
 def test_real_time_is_real(build: Build, tmp_path: Path) -> None:
     rows = write_rows(tmp_path / "a.rows", [make_run(np.random.default_rng(15), np.full(290, 78.0), ticks(290))])
+    """Two seconds at twice the speed take one, and end before those at the speed itself, which begin at the same time."""
     start = time.monotonic()
-    run(build(SIM / "main.c"), "", str(rows), "--speed", "2")
-    assert 0.9 < time.monotonic() - start < 2.5
+    slow, fast = (
+        subprocess.Popen([build(SIM / "main.c"), rows, "--speed", speed], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        for speed in ("1", "2")
+    )
+    assert fast.wait() == 0
+    assert time.monotonic() - start > 0.9
+    assert slow.poll() is None
+    assert slow.wait() == 0
+    assert time.monotonic() - start > 1.8

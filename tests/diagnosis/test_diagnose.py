@@ -5,6 +5,7 @@ import pytest
 
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.probability import with_probabilities
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
@@ -13,7 +14,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
 
 
 def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Session:
@@ -35,25 +36,15 @@ def test_the_planted_effect_is_named_and_added(effect: str) -> None:
     assert diagnose(session, model).verdict == "adequate"
 
 
-def test_nothing_is_named_where_nothing_is() -> None:
-    found = diagnose(session_with([]))
-    assert found.verdict == "adequate"
-    assert not [c for c in found.candidates if c.decision in ("add", "suggest")]
-
-
-def test_two_effects_are_found_one_by_one() -> None:
-    session = session_with(["table_ripple", "spin_up"])
-    model: Model | None = None
-    named = []
-    for _ in range(3):
-        found = diagnose(session, model)
-        if found.verdict != "add":
-            break
-        assert found.best is not None
-        named.append(found.best.effect.id)
-        model = add_measured(session, model, named[-1]).model
-    assert sorted(named) == ["spin_up", "table_ripple"]
-    assert found.verdict == "adequate"
+def test_probabilities_change_nothing_but_themselves() -> None:
+    """Files that ask for decisions alone leave them out."""
+    found = diagnose(session_with(["table_ripple"]))
+    told, alternatives = with_probabilities(found.candidates, found.comparison)
+    assert alternatives
+    assert {c.probability for c in found.candidates} == {None}
+    assert any(c.probability is not None for c in told)
+    own = {"probability": None, "checks": None}
+    assert [c.to_json() | own for c in told] == [c.to_json() | own for c in found.candidates]
 
 
 def test_a_wrong_effect_does_not_make_the_error_fall() -> None:

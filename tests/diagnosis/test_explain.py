@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.explain import Explanation, _falls, _without_needless, explain
@@ -19,7 +20,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
 
 
 def session_with(effects: list[str], campaign: str = "paper", seed: int = 3, scenarios: int = 6) -> Session:
@@ -66,6 +67,7 @@ def test_the_excess_that_judged_a_step_is_the_one_that_is_shown(explained: Expla
 def test_nothing_is_added_where_nothing_is() -> None:
     found = explain(session_with([]))
     assert (found.steps, found.left, found.verdict) == ([], [], "adequate")
+    assert not [c for c in found.first.candidates if c.decision in ("add", "suggest")]
 
 
 def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
@@ -106,8 +108,7 @@ def test_effects_of_one_shape_stay_open() -> None:
 
 
 def test_a_single_effect_is_its_own_set() -> None:
-    diagnosis = diagnose(session_with(["table_ripple"]))
-    chosen = choose(Current.of(diagnosis.comparison, "z"), [base.effect("table_ripple")], 20)
+    chosen = choose(Current.of(measure(session_with(["table_ripple"])), "z"), [base.effect("table_ripple")], 20)
     assert ([e.id for e in chosen.certain], chosen.open) == (["table_ripple"], ())
 
 

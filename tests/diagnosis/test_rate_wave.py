@@ -9,7 +9,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("decisions_alone")]
 RATE_HZ, SECONDS, HIGHEST_DPS = 50.0, 40.0, 150.0
 T_S = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
 
@@ -51,18 +51,16 @@ def seven_rates(rng: np.random.Generator) -> Array:
     return np.repeat(level, -(-T_S.size // 12))[: T_S.size] * (1 + 1e-3 * rng.standard_normal())
 
 
-@pytest.mark.parametrize("seed", [5, 6, 7])
-def test_no_wave_is_told_between_rates_that_nobody_measured(seed: int) -> None:
+def test_no_wave_is_told_between_rates_that_nobody_measured() -> None:
     """A cubic at seven rates was also told as a wave over the rate with a period of 46.7 deg/s."""
-    found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed))
+    found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed=5))
     assert found.comparison.where
     assert not any("wave over the rate" in finding.note for finding in found.comparison.where)
     assert found.best is not None
     assert "scale_nonlinearity" in (found.best.effect.id, *found.best.group)
 
 
-@pytest.mark.parametrize("motion", [by_hand, staircase])
-@pytest.mark.parametrize("period_dps", [28.0, 44.0])
+@pytest.mark.parametrize(("motion", "period_dps"), [(by_hand, 28.0), (staircase, 44.0)])
 def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator], Array], period_dps: float) -> None:
     """It was named an asymmetry of the scale, or a tone that the steps of a staircase resemble."""
     wave = session(motion, lambda rate: 0.06 * np.sin(2 * np.pi * rate / period_dps + 2.5), seed=3)

@@ -8,6 +8,8 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("decisions_alone")
+
 
 def session(seed: int, of_slope: float = 0.0, of_square: float = 0.0, of_size: float = 0.0) -> Session:
     """Four power cycles of a random motion of some 40 dps and 100 dps/s."""
@@ -28,8 +30,7 @@ def named(of: Session) -> list[str]:
     return [c.effect.id for c in diagnose(of).candidates if c.decision == "add" and c.axis == "z"]
 
 
-@pytest.mark.parametrize("seed", [9601, 9602])
-@pytest.mark.parametrize("of_slope", [4e-6, -4e-6])
+@pytest.mark.parametrize(("seed", "of_slope"), [(9601, 4e-6), (9602, -4e-6)])
 def test_the_square_of_the_slope_is_not_that_of_the_rate(seed: int, of_slope: float) -> None:
     assert not {"centripetal", "scale_asymmetry"} & set(named(session(seed, of_slope)))
 

@@ -17,7 +17,7 @@ from gyrocal.inference.fit import fit
 from gyrocal.noise.drift import ou_noise
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("decisions_alone")]
 RATE_HZ = 100.0
 SECONDS = 60.0
 K1 = 0.015
@@ -66,7 +66,7 @@ def candidate(found, effect_id):
 
 
 @pytest.mark.parametrize(
-    ("noise_c", "count_c", "held"), [(0.03, 0.0, 1), (0.1, 0.0, 10), (0.03, 0.0, 100), (0.03, 0.125, 100)]
+    ("noise_c", "count_c", "held"), [(0.03, 0.0, 1), (0.1, 0.0, 10), (0.03, 0.125, 100)]
 )
 def test_a_one_way_ramp_stays_ambiguous_with_a_noisy_thermometer(noise_c, count_c, held):
     found = diagnose(thermal(1, one_way, noise_c=noise_c, count_c=count_c, held=held))
@@ -76,7 +76,7 @@ def test_a_one_way_ramp_stays_ambiguous_with_a_noisy_thermometer(noise_c, count_
     assert abs(temperature.values["k1_dps_per_c"] - K1) < 3 * temperature.se["k1_dps_per_c"]
 
 
-@pytest.mark.parametrize("mean_c", [25.0, 45.0, 70.0, -20.0])
+@pytest.mark.parametrize("mean_c", [70.0, -20.0])
 def test_a_chamber_at_any_temperature_shows_the_same(mean_c):
     found = diagnose(thermal(0, chamber, mean_c))
     assert found.verdict == "add"
@@ -102,9 +102,8 @@ def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_
     assert [effect("thermal_hysteresis").observable({"width_c": w}, runs) for w in (2.9, 3.2)] == [True, False]
 
 
-@pytest.mark.parametrize("mean_c", [45.0, 70.0])
-def test_a_one_way_ramp_in_a_hot_chamber_is_ambiguous(mean_c):
-    found = diagnose(thermal(0, one_way, mean_c))
+def test_a_one_way_ramp_in_a_hot_chamber_is_ambiguous():
+    found = diagnose(thermal(0, one_way, 70.0))
     assert found.verdict == "ambiguous"
     assert set(found.best.group) == {"drift", "bias_temperature"}
 
@@ -120,7 +119,7 @@ def test_the_bias_of_a_hot_session_is_stated_at_25_degrees_with_its_error():
     assert np.sqrt(np.mean(np.square(z))) < 2
 
 
-@pytest.mark.parametrize("lacking", [(2, 3), (2, 5), (0, 1, 7)])
+@pytest.mark.parametrize("lacking", [(2, 5), (0, 1, 7)])
 def test_runs_without_a_thermometer_leave_the_effect_to_the_others(lacking):
     found = diagnose(thermal(3, chamber, 45.0, k1=0.03, lacking=lacking))
     assert found.best.effect.id == "bias_temperature"
@@ -146,8 +145,7 @@ def test_a_model_with_temperature_gives_runs_without_it_a_bias_of_their_own():
     assert hot.values["k1_dps_per_c"] == pytest.approx(cool.values["k1_dps_per_c"], abs=0.2 * cool.se["k1_dps_per_c"])
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("lacking", [(), (2, 3)])
+@pytest.mark.parametrize(("seed", "lacking"), [(0, ()), (1, (2, 3))])
 def test_without_an_effect_none_is_named(seed, lacking):
     for climate, mean_c in ((one_way, 45.0), (chamber, 25.0)):
         assert diagnose(thermal(seed, climate, mean_c, k1=0.0, lacking=lacking)).verdict == "adequate"

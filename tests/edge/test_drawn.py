@@ -140,10 +140,15 @@ def test_there_are_many_kinds_of_disturbances_and_recordings() -> None:
     assert 30_000 < np.mean(samples) < 50_000
 
 
+@pytest.fixture(scope="module")
+def four_recordings() -> list[recording.Recording]:
+    return [drawn.draw_recording(np.random.default_rng([7, seed])) for seed in range(4)]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(disturbances.KINDS))
-def test_every_disturbance_is_finite_wherever_it_is_drawn(kind: str) -> None:
-    for seed in range(4):
-        made = drawn.draw_recording(np.random.default_rng([7, seed]))
+def test_every_disturbance_is_finite_wherever_it_is_drawn(kind: str, four_recordings: list[recording.Recording]) -> None:
+    for seed, made in enumerate(four_recordings):
         raw = disturbances.KINDS[kind](made, made.axis, np.random.default_rng(seed))
         assert [signal.shape for signal in raw] == [run.t_s.shape for run in made.runs]
         assert all(np.all(np.isfinite(signal)) for signal in raw)
@@ -199,7 +204,7 @@ def test_noise_is_of_unit_size_in_the_metric(reference: str) -> None:
 
 
 def test_no_disturbance_is_larger_than_the_rig_could_hide() -> None:
-    for number in range(8):
+    for number in range(3):
         found = drawn.truth(Draw("work", "unknown", number).case())["disturbance"]
         assert 0 < found["rms_dps"] <= drawn.LARGEST_DPS
         assert found["own_share_of_all"] <= found["own_share"] * 1.001

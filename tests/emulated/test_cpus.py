@@ -16,6 +16,7 @@ from gyrocal.noise.drift import Drift
 from gyrocal.simulation import simulate
 from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
+pytestmark = pytest.mark.usefixtures("compiled_for_cpus")
 BITS = ROOT / "test" / "test_same_bits" / "bits.c"
 TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
 CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
@@ -106,6 +107,7 @@ def test_the_documented_table_is_complete() -> None:
     assert set(documented()) == {(part, cpu.name) for part in cpus.parts() for cpu in cpus.CPUS}
 
 
+@pytest.mark.slow
 @CPU
 @pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from compiled import Objects
 from gyrocal.device.wire import Reader, Sentence
 from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
 
@@ -21,13 +22,13 @@ WIRED = "-DGYROCAL_INT1=27"
 Play = Callable[..., str]
 
 
-def compile_board(folder: Path, gxx: str, gcc: str, *more: str) -> Path:
+def compile_board(compiled: Objects, folder: Path, gxx: str, gcc: str, *more: str) -> Path:
+    """The port with these pins. The core names no pin, so that its objects are those of every board."""
     folders = [f"-I{f}" for f in (SRC, CORE, INCLUDE, SIM, HERE / "arduino")]
-    common = [*SANITIZE, *PINS, *more, *folders, "-c"]
-    core = [*CORE.rglob("*.c"), *SIM.glob("emul*.c"), SRC / "headers.c"]
-    subprocess.run([gcc, "-std=gnu99", *common, *map(str, core)], cwd=folder, check=True)
+    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *folders], [*CORE.rglob("*.c"), *SIM.glob("emul*.c")])
+    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *PINS, *more, *folders], [SRC / "headers.c"])
     sources = [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")]
-    subprocess.run([gxx, "-std=gnu++14", *common, *map(str, sources)], cwd=folder, check=True)
+    compiled.into(folder, [gxx, "-std=gnu++14", *SANITIZE, *PINS, *more, *folders], sources)
     program = folder / "board"
     objects = sorted(map(str, folder.glob("*.o")))
     subprocess.run([gxx, *SANITIZE, *objects, "-pthread", "-lm", "-o", str(program)], check=True)
@@ -35,14 +36,14 @@ def compile_board(folder: Path, gxx: str, gcc: str, *more: str) -> Path:
 
 
 @pytest.fixture(scope="session")
-def play(require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Play:
+def play(require_tool: Callable[[str], str], compiled: Objects, tmp_path_factory: pytest.TempPathFactory) -> Play:
     """`play(script, seconds, flash, *flags)`: what the port, built with these flags, writes to its serial port."""
     gxx, gcc = require_tool("g++"), require_tool("gcc")
     built: dict[tuple[str, ...], Path] = {}
 
     def run(script: list[str], seconds: float, flash: Path | None = None, *flags: str) -> str:
         if flags not in built:
-            built[flags] = compile_board(tmp_path_factory.mktemp("board"), gxx, gcc, *flags)
+            built[flags] = compile_board(compiled, tmp_path_factory.mktemp("board"), gxx, gcc, *flags)
         flash = flash or tmp_path_factory.mktemp("flash") / "flash"
         text = "\n".join(sorted(script, key=lambda line: float(line.split()[0]))) + "\n"
         done = subprocess.run(

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gyrocal.fleet.pooling import pool, spread_error
+from gyrocal.fleet.pooling import Pooled, pool, spread_error
+from gyrocal.fleet.prior import _spread
 
 
 def test_equal_errors_have_the_closed_form() -> None:
@@ -109,3 +110,10 @@ def test_two_rigs_that_do_not_differ_have_no_spread_beside_values_without_errors
     assert found is not None
     assert found.rig_sd is not None
     assert found.rig_sd < 1e-4
+
+
+def test_a_new_board_on_a_new_rig_differs_by_both_spreads() -> None:
+    pooled = Pooled(0.0, 0.1, 3.0, 0.3, 4.0, 0.5, np.zeros(2), np.zeros(2), np.ones(2, dtype=bool))
+    sd, sd_se = _spread(pooled)
+    assert sd == pytest.approx(5.0)
+    assert sd_se == pytest.approx(np.hypot(3 * 0.3, 4 * 0.5) / 5)  # of the root of the sum of squares

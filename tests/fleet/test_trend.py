@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.fleet.trend import Board, find
+from gyrocal.fleet.trend import Board, _on_line, find
 
 
 def boards(n: int, line: str = "A", dated: bool = True) -> list[Board]:
@@ -43,3 +43,12 @@ def test_a_line_is_judged_by_itself() -> None:
     step = rng.normal(0, 1, 100) + np.where(np.arange(100) >= 50, 3.0, 0.0)
     found = find({"a": (np.concatenate([step, rng.normal(9, 1, 100)]), [*boards(100, "A"), *boards(100, "B")])})
     assert [t.line for t in found] == ["A"]
+
+
+def test_the_chance_of_a_trend_is_what_it_says() -> None:
+    """Half of the lines without a trend have a chance below a half, and a few less, as a sum over boards goes in steps."""
+    rng, made = np.random.default_rng(7), boards(100, dated=False)
+    found = [_on_line("a", "A", [(b, float(v)) for b, v in zip(made, rng.normal(0, 1, 100), strict=True)]) for _ in range(200)]
+    chances = np.array([one.p_value for one in found if one is not None])
+    assert chances.size == 200
+    assert 0.3 < np.mean(chances < 0.5) < 0.6

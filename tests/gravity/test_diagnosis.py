@@ -15,6 +15,8 @@ from gyrocal.gravity.diagnose import add, diagnose, explain
 from gyrocal.gravity.fit import full
 from gyrocal.simulation.simulate import simulate
 
+pytestmark = pytest.mark.usefixtures("known_answers")
+
 
 def test_explain_finds_the_whole_matrix_and_what_is_left_is_noise() -> None:
     session, truth = simulate(campaign="hands", seed=2, scenarios=20)

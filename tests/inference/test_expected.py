@@ -5,10 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model, Term
-from gyrocal.inference import heldout
+from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.expected import expected
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
@@ -17,6 +18,8 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+
+Mask = NDArray[np.bool_]
 
 
 def small(scenarios: int, effects: tuple[str, ...] = ()) -> Session:
@@ -31,6 +34,14 @@ def fitted(session: Session, *terms: str, noise: Noise, turn_on: tuple[float, ..
     axis = fit(session, model, axes="z").axes["z"]
     own = np.full(axis.spreads.run.size, 3e-3)
     return replace(axis, noise=noise, spreads=Spreads(own, np.array(turn_on[: axis.spreads.scenario.size])))
+
+
+def parts_of_a_run(b: Blocks, first: float, last: float) -> tuple[Mask, Mask]:
+    """Masks [m] of what is left out, and of what stands beside it: a twentieth of the run on both sides, at most 2 s."""
+    elapsed_s, beside_s = b.t_s - b.run.t_s[0], min(2.0, 0.05 * b.run.duration_s)
+    start_s, stop_s = first * b.run.duration_s, last * b.run.duration_s
+    inside = (start_s <= elapsed_s) & (elapsed_s < stop_s)
+    return inside, ~inside & (start_s - beside_s <= elapsed_s) & (elapsed_s < stop_s + beside_s)
 
 
 def dense(axis: AxisFit, folds: list[Fold]) -> tuple[float, float]:
@@ -63,7 +74,7 @@ def dense(axis: AxisFit, folds: list[Fold]) -> tuple[float, float]:
         for i, (r, b) in enumerate(zip(rows, design.blocks, strict=True)):
             inside, near = np.full((2, b.t_s.size), False)
             if fold.time is not None:
-                inside, near = heldout.time_masks(b, fold)
+                inside, near = parts_of_a_run(b, *fold.time)
             elif i in fold.runs:
                 inside[:] = True
             use += list(np.flatnonzero(~inside & ~near) + r.start)

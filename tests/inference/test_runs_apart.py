@@ -15,6 +15,8 @@ from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
+pytestmark = pytest.mark.usefixtures("known_answers", "decisions_alone")
+
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Comparison, list[dict[str, float]]]:

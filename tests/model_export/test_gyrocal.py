@@ -117,6 +117,7 @@ def test_a_run_folder_says_how_it_was_made(run: Path) -> None:
     assert all(error["net", s] < 1.05 * error["mean", s] for s in STAGES_S)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_network(run: Path, tmp_path: Path) -> None:
     from gyrocal_export.train_gyrocal import load, train_gyrocal
 

@@ -12,6 +12,7 @@ from gyrocal.core import cpus
 from gyrocal.core.networks import CoreNetwork
 from gyrocal_firmware import CORE
 
+pytestmark = pytest.mark.usefixtures("compiled_for_cpus")
 WINDOWS = """/* The windows of the test. */
 #include "weights.h"
 static const float windows[][2][290] = {%s};

@@ -12,6 +12,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 RATE_HZ = 50.0
 
 

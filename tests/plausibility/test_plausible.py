@@ -23,6 +23,7 @@ from gyrocal.present.report import headline, level_rows, verdict_text
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, simulate
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 SLOPES = {"unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible"}
 DEG = 180 / np.pi
 

@@ -29,9 +29,11 @@ def strings(source: str) -> list[str]:
     return [n.value for n in constants if isinstance(n.value, str)]
 
 
-@pytest.mark.parametrize("path", [p for p in sorted(HOST.rglob("*.py")) if p.name not in SPELLED], ids=lambda p: p.stem)
-def test_no_sentence_and_no_label_says_it_otherwise(path: Path) -> None:
-    assert not [text for text in strings(path.read_text(encoding="utf-8")) if IN_FILES in text]
+def test_no_sentence_and_no_label_says_it_otherwise() -> None:
+    files = [path for path in sorted(HOST.rglob("*.py")) if path.name not in SPELLED]
+    assert len(files) > 300
+    every = [(path.relative_to(HOST), text) for path in files for text in strings(path.read_text(encoding="utf-8"))]
+    assert [(path, text) for path, text in every if IN_FILES in text] == []
 
 
 def test_a_sentence_is_seen() -> None:

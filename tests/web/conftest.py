@@ -21,7 +21,6 @@ ARGUMENTS = [
 ]  # fmt: skip
 """The last one: Chromium asks for names of its maker's hosts as it starts, and gets none."""
 PATIENCE_S, MOST_PATIENCE_S = 60.0, 180.0
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
 
 
 def patience_s() -> float:
@@ -45,7 +44,7 @@ def serve() -> Iterator[Callable[..., Served]]:
 
     def start(folder: Path, *arguments: str) -> Served:
         # NiceGUI behaves otherwise where it finds itself under pytest
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | ONE_THREAD
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
         command = [sys.executable, "-m", "gyrocal", "workbench", "--no-browser", *arguments]
         process = subprocess.Popen(
             command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
@@ -83,12 +82,16 @@ def chromium(require_tool: Callable[[str], str], require_module: Callable[[str],
 
 @pytest.fixture
 def look(chromium: Any) -> Iterator[Callable[..., Any]]:
-    """`look(url)` opens a page; at the end none has asked another host for anything, nor complained."""
+    """`look(url)` opens a page; at the end none has asked another host for anything, nor complained.
+
+    Nothing moves unless ``reduced_motion="no-preference"``: each frame of a motion is drawn by the processor.
+    """
     complaints: list[str] = []
     contexts = []
 
     def open_page(url: str, **options: Any) -> Any:
-        context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
+        still = {"reduced_motion": "reduce", "viewport": {"width": 1280, "height": 720}}
+        context = chromium.new_context(**still | options)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(1e3 * patience_s())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import random
 import re
-import time
 from typing import Any
 
 PAGES = ("start", "import", "live", "compare", "diagnose", "calibrate")
@@ -21,12 +20,11 @@ THINGS = """() => [...document.querySelectorAll(
     .filter(([x, y]) => x > 0 && y > 0 && x < innerWidth && y < innerHeight)"""
 
 
-def play(page: Any, url: str, seed: int, seconds: float, avoid: str) -> int:
-    """Use the page for ``seconds``, away from buttons whose text fits the expression ``avoid``. Returns the number of acts."""
-    rng, until, acts = random.Random(seed), time.monotonic() + seconds, 0
+def play(page: Any, url: str, seed: int, acts: int, avoid: str) -> None:
+    """Do so many acts on the pages, away from buttons whose text fits the expression ``avoid``."""
+    rng = random.Random(seed)
     page.goto(f"{url}{rng.choice(PAGES)}")
-    while time.monotonic() < until:
-        acts += 1
+    for _ in range(acts):
         kind = rng.random()
         if kind < 0.06:
             _leave(page, f"{url}{rng.choice(PAGES)}")
@@ -38,7 +36,6 @@ def play(page: Any, url: str, seed: int, seconds: float, avoid: str) -> int:
         else:
             _touch(page, rng, avoid)
         page.wait_for_timeout(rng.choice((5, 30, 120)))
-    return acts
 
 
 def _leave(page: Any, address: str) -> None:

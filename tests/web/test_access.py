@@ -46,35 +46,22 @@ def axe() -> str:
     return (Path(spec.submodule_search_locations[0]) / "axe.min.js").read_text(encoding="utf-8")
 
 
-def test_pages_say_their_language_heading_and_labels(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url)
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
+    served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str
+) -> None:
+    require_module("axe_playwright_python")
+    page, source = look(served.url, color_scheme=scheme), axe()
     for name in PAGES:
         settled(page, served.url, name)
         assert page.evaluate("document.documentElement.lang") == "en-US"
         assert page.locator("h1").count() == 1, name
         assert page.evaluate(UNNAMED) == [], name
         assert page.evaluate(UNREACHED) == [], name
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str) -> None:
-    require_module("axe_playwright_python")
-    page, source = look(served.url, color_scheme=scheme), axe()
-    for name in PAGES:
-        settled(page, served.url, name)
         page.evaluate(source)
         found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html.slice(0, 150))]))")
         assert found == [], name
-
-
-def test_a_phone_needs_no_sideways_scrolling(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url)
-    page.set_viewport_size({"width": 390, "height": 844})
-    for name in PAGES:
-        settled(page, served.url, name)
-        assert page.evaluate("document.documentElement.scrollWidth") <= 390, name
-        narrow = "[...document.querySelectorAll('.face')].filter(e => e.offsetWidth && e.offsetWidth < 300)"
-        assert page.evaluate(f"{narrow}.map(e => e.outerHTML.slice(0, 150))") == [], name
 
 
 CUT = """() => [...document.querySelectorAll('.content *')].filter(e => e.checkVisibility() && e.clientWidth
@@ -100,11 +87,14 @@ COLLIDING = """() => [...document.querySelectorAll('.nicegui-echart')].filter(e 
 """Numbers of 11 px beside an axis that stand less than a line apart."""
 
 
-def test_a_phone_cuts_nothing_off_and_its_ticks_stand_apart(served: Any, look: Callable[..., Any]) -> None:
+def test_a_phone_scrolls_down_alone_cuts_nothing_off_and_its_ticks_stand_apart(served: Any, look: Callable[..., Any]) -> None:
     page = look(served.url)
     page.set_viewport_size({"width": 390, "height": 844})
     for name in PAGES:
         settled(page, served.url, name)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390, name
+        narrow = "[...document.querySelectorAll('.face')].filter(e => e.offsetWidth && e.offsetWidth < 300)"
+        assert page.evaluate(f"{narrow}.map(e => e.outerHTML.slice(0, 150))") == [], name
         page.wait_for_timeout(300)
         assert page.evaluate(CUT) == [], name
         assert page.evaluate(COLLIDING) == [], name

@@ -148,9 +148,9 @@ def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
     line = Timeline(traces, list(enumerate(entries)), ("x", "y", "z"), LIGHT)
     took = []
     for window in ((0.0, 100.0), (20.0, 60.0), (49.0, 51.0), (50.0, 50.01), (50.0, 50.0001)):
-        began = time.perf_counter()
+        began = time.process_time()
         series = line.series(window)
-        took.append(time.perf_counter() - began)
+        took.append(time.process_time() - began)
         assert all(len(s["data"]) <= 2 * STRETCHES + 4 * runs for s in series)
     assert min(took) < 0.2, took
     assert sorted(took)[2] < 0.2, took

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +39,11 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
                 await asyncio.sleep(0.01)
             assert jobs.current is not None
             assert jobs.current.title == "look"
-            began = time.monotonic()
             jobs.cancel()
             for task in (running, waiting):
                 with pytest.raises(Cancelled):
                     await task
-            assert time.monotonic() - began < 2.0
+            assert not any("weighing" in w for w in words)  # what comes last: it was not waited for
             assert jobs.current is None
 
             again = await jobs.run("open", "open", folder)  # a new worker, as good as the old

@@ -100,6 +100,7 @@ def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], s
     page.get_by_role("button", name="Connect", exact=True).wait_for()
 
 
+@pytest.mark.slow
 def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}live")
     page.get_by_label("speed").click()

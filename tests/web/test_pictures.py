@@ -15,6 +15,7 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.web.charts import DARK, ICONS
 
 CHART = "getElement(Number(document.querySelector('%s .nicegui-echart').id.slice(1))).chart"
+MOVING = {"reduced_motion": "no-preference"}
 PLOT, HERO = CHART % ".over:not(.hero-picture)", CHART % ".hero-picture"
 
 
@@ -93,8 +94,9 @@ COPIED = """async () => {
 """The number of dark pixels in each line of the words, of the picture in the clipboard and of the chart without its words."""
 
 
+@pytest.mark.slow
 def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}diagnose?session=ripple", permissions=["clipboard-read", "clipboard-write"])
+    page = look(f"{served.url}diagnose?session=ripple", **MOVING, permissions=["clipboard-read", "clipboard-write"])
     page.get_by_role("button", name="Find what is missing").click()
     card = page.locator("article.add", has_text="Ripple of the table's speed")
     card.wait_for()
@@ -121,7 +123,7 @@ def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callab
 
 
 def test_without_motion_nothing_moves(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}diagnose?session=ripple", reduced_motion="reduce")
+    page = look(f"{served.url}diagnose?session=ripple")
     page.wait_for_function(f"() => {HERO}.getOption().series.length === 3")
     assert page.evaluate(f"{HERO}.getOption().animation") is False
 

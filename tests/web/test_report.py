@@ -195,6 +195,7 @@ def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[s
     assert reports[1].count('<img alt="Ripple of the table&#39;s speed on z, ') == 1
 
 
+@pytest.mark.slow
 def test_it_has_both_spectra(reports: tuple[str, str]) -> None:
     for title in ("Spectrum", "Spectrum over the turn of the table", "Residual against time", "Allan deviation"):
         assert f'<img alt="{title}"' in reports[1]

@@ -85,13 +85,15 @@ def downloaded(page: Any, button: str) -> str:
     return Path(download.value.path()).read_text()
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("known_answers")
 def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     compared = cli(folder, "compare", "hidden")
     added = cli(folder, "add", "table_ripple", "hidden", "--model", "m.toml")
     excess = mdps(compared["excess_within_dps"], 2)  # as the explained part counts with few power cycles
     before, after = (mdps(added[name]["excess_within_dps"], 2) for name in ("before", "after"))
 
-    page = look(served.url)
+    page = look(served.url, reduced_motion="no-preference")
     compares(page, compared)
     card = diagnoses(page, cli(folder, "diagnose", "hidden"))
     assert shown_excess(page) == [excess]

@@ -28,6 +28,7 @@ def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.Te
     return serve(folder, "s")
 
 
+@pytest.mark.slow
 def test_trained_verified_and_exported(
     served: Any, look: Callable[..., Any], require_tool: Callable[[str], str], require_module: Callable[[str], None]
 ) -> None:

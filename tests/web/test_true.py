@@ -25,6 +25,7 @@ from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains, symbols
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 AMPLITUDE_DPS = 0.06
 """Of the planted wave, once per turn."""
 
@@ -73,6 +74,7 @@ def ripple(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bench, Recording, 
     return bench, recording, bench.compare(recording, "default", silent), bench.diagnose(recording, "default", silent)
 
 
+@pytest.mark.slow
 def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:

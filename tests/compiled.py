@@ -1,0 +1,35 @@
+"""Objects of C sources, each compiled once for the same source, headers and options, by whichever worker comes first."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+
+class Objects:
+    """A folder of objects by the hash of what makes them."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        folder.mkdir(exist_ok=True)
+
+    def of(self, command: Sequence[str], source: Path) -> Path:
+        """The object of ``source`` by a compiler with its options, of which ``-I`` names where headers are."""
+        included = [Path(word[2:]) for word in command if word.startswith("-I")]
+        headers = [path for folder in (source.parent, *included) for path in sorted(folder.rglob("*.h"))]
+        made_of = hashlib.sha256("\0".join(command).encode())
+        for path in (source, *headers):
+            made_of.update(f"\0{path}\0".encode() + path.read_bytes())
+        built = self._folder / f"{made_of.hexdigest()}.o"
+        if not built.exists():
+            own = built.with_suffix(f".{os.getpid()}")
+            subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True)
+            own.replace(built)
+        return built
+
+    def into(self, folder: Path, command: Sequence[str], sources: Iterable[Path]) -> None:
+        """Put the object of each source into a folder, as ``command -c SOURCES`` does there."""
+        for source in sources:
+            shutil.copy(self.of(command, source), folder / f"{source.stem}.o")
