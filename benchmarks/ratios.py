@@ -4,8 +4,9 @@
     python benchmarks/ratios.py --large    # ten million rows too
     python benchmarks/ratios.py small still    # these rows
 
-The script reads the same files with Polars and calls ``numpy.linalg.lstsq`` with 30 columns once an axis. A ratio holds on a busy
-or slow machine where seconds do not; each is of whole processes, imports included, with one thread for linear algebra.
+The script reads the same files with Polars and calls ``numpy.linalg.lstsq`` with 30 columns once an axis, with one thread. The
+commands run as a user runs them. A ratio holds on a busy or slow machine where seconds do not; each is of whole processes,
+imports included.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -130,9 +131,9 @@ def least_squares(folder: Path) -> None:
         np.linalg.lstsq(columns, y[:, axis], rcond=None)
 
 
-def measured(*arguments: str) -> tuple[float, float]:
+def measured(*arguments: str, environment: Mapping[str, str] | None = None) -> tuple[float, float]:
     """Processor seconds and peak memory in GB of a process."""
-    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.DEVNULL, env=environment)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
@@ -141,8 +142,9 @@ def measured(*arguments: str) -> tuple[float, float]:
 
 
 def fastest(*arguments: str) -> float:
-    """The least processor seconds of a few runs of a process."""
-    return min(measured(*arguments)[0] for _ in range(ROUNDS))
+    """The least processor seconds of a few runs of a process with one thread."""
+    one = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
+    return min(measured(*arguments, environment=one)[0] for _ in range(ROUNDS))
 
 
 def within(value: float, aim: float | None) -> str:
@@ -163,7 +165,7 @@ def show(row: Row) -> None:
             over = within(took[command] / script_s, row.aim if command == "diagnose" else None)
             peak = within(peak_gb, row.aim_gb) if row.aim_gb else f"{peak_gb:.2f}"
             of_diagnose = f", {took[command] / took['diagnose']:.1f} times diagnose" if command == "explain" else ""
-            print(f"{row.words:28s} {command:9s} {took[command]:7.2f} {script_s:7.2f}   {over:18s} {peak}{of_diagnose}", flush=True)
+            print(f"{row.words:28s} {command:9s} {took[command]:7.2f} {script_s:7.2f}   {over:18s} {peak}{of_diagnose}")
 
 
 def show_imports() -> None:
@@ -175,7 +177,6 @@ def show_imports() -> None:
 
 
 def main(names: list[str]) -> int:
-    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
     rows = ROWS | LARGE
     chosen = [n for n in names if n in rows] or [*ROWS, *(LARGE if "--large" in names else ())]
     print(f"{'session':28s} {'command':9s} {'CPU s':>7s} {'script':>7s}   {'ratio':18s} peak GB")

@@ -21,8 +21,8 @@ MANY_ROWS = 1_000_000
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with BLAS held to one thread.
 
-    Each package brings a BLAS of its own, and a limit holds for those that are loaded. SciPy's is therefore loaded here: one that
-    the function loads later would spread the smallest products over all processors, which doubles the processor time.
+    Each package brings a BLAS of its own, and a limit holds for those that are loaded. SciPy's is therefore loaded here: one
+    that the function loads later would spread the smallest products over all processors, and double the processor time.
     """
 
     @wraps(function)
