@@ -1,5 +1,8 @@
 """Axes side by side: the same answers, and a failure is not lost."""
 
+import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -24,3 +27,17 @@ def test_what_fails_on_one_axis_fails() -> None:
         threads.each(lambda x: 1 / x, [2, 1, 0], threads.MANY_ROWS)
     assert threads.each(lambda x: 2 * x, [3, 1], threads.MANY_ROWS) == threads.each(lambda x: 2 * x, [3, 1], 1) == [6, 2]
     assert threads.each(lambda x: x, [], threads.MANY_ROWS) == []
+
+
+def test_a_blas_that_is_loaded_on_the_way_has_one_thread_too() -> None:
+    code = (
+        "from threadpoolctl import threadpool_info\n"
+        "from gyrocal.threads import one_thread\n"
+        "def work():\n"
+        "    import scipy.linalg, scipy.optimize\n"
+        "    return [p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas']\n"
+        "print(sorted({*one_thread(work)()}))\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
+    assert said == "[1]\n"

@@ -19,10 +19,15 @@ MANY_ROWS = 1_000_000
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Run a function with BLAS held to one thread."""
+    """Run a function with BLAS held to one thread.
+
+    Each package brings a BLAS of its own, and a limit holds for those that are loaded. SciPy's is therefore loaded here: one
+    that the function loads later would spread the smallest products over all processors, and double the processor time.
+    """
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        import scipy.linalg  # noqa: F401
         from threadpoolctl import threadpool_limits
 
         with threadpool_limits(1, "blas"):

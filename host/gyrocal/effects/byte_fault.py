@@ -142,7 +142,7 @@ class Carry:
 
 def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
     """Mask [n] of the readings whose bits under ``bit`` are in the part ``below`` of their range, so that they have carried."""
-    low = np.mod(np.rint(y_dps / count_dps), 2.0**bit)
+    low = np.rint(y_dps / count_dps).astype(np.int64) & (2**bit - 1)
     mask: Mask = low < below * 2**bit
     return mask
 

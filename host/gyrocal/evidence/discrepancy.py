@@ -58,10 +58,23 @@ class Shape:
         found = self.values(run)
         if found is None:
             return np.zeros((len(run), COSINES))
-        part = np.clip((found - self.low) / (self.high - self.low), 0.0, 1.0)
-        order = np.arange(1, COSINES + 1)
-        waves = np.cos(np.pi * part[:, None] * order) / order
-        return waves if self.times is None else waves * self.times(run)[:, None]
+        waves = _cosines(np.clip((found - self.low) / (self.high - self.low), 0.0, 1.0))
+        if self.times is not None:
+            waves *= self.times(run)
+        return waves.T
+
+
+def _cosines(part: Array) -> Array:
+    """The cosines [COSINES, n] over the part of the range [n] that a variable has reached, by Chebyshev's recurrence."""
+    waves = np.empty((COSINES, part.size))
+    first = np.cos(np.pi * part, out=waves[0])
+    np.multiply(first, 2 * first, out=waves[1])
+    waves[1] -= 1.0
+    for k in range(2, COSINES):
+        np.multiply(2 * first, waves[k - 1], out=waves[k])
+        waves[k] -= waves[k - 2]
+    waves /= np.arange(1, COSINES + 1)[:, None]
+    return waves
 
 
 def shapes(runs: Sequence[Run], axis: int) -> list[Shape]:

@@ -67,14 +67,15 @@ class Blocks:
         if self.start.size == len(self.run):  # each sample is a block
             return columns
         stop = int(self.start[-1] + self.n[-1])
-        sums = np.add.reduceat(columns[:stop], self._edges, axis=0)[self._picked]
-        return sums / self.n[:, None]
+        sums = np.add.reduceat(columns[:stop], self._edges, axis=0)
+        return (sums if self._edges is self.start else sums[self._picked]) / self.n[:, None]
 
     @cached_property
     def _edges(self) -> Index:
         # reduceat sums up to the next edge, so the end of each block is also an edge if samples between blocks are left out
         stops = (self.start + self.n.astype(np.intp))[:-1]
-        return np.unique(np.concatenate([self.start, stops]))
+        together = np.array_equal(stops, self.start[1:])
+        return self.start if together else np.unique(np.concatenate([self.start, stops]))
 
     @cached_property
     def _picked(self) -> Index:

@@ -60,14 +60,17 @@ class Design:
         self.faults = [term for term in terms if term.fault is not None]
         self.blocks = self._seen(like)
         runs = [b.run for b in blocks]
+        before = like or self
+        self._before = self._unchanged(like)
         self.scopes = [term.effect.scope_in(runs) for term in terms]
-        self.lacking = [self._lacking(term, runs) for term in terms]
-        self.means = [self._means(i, like) for i in range(len(self.blocks))]
+        lacking = zip(terms, self._before, strict=True)
+        self.lacking = [self._lacking(term, runs) if k is None else before.lacking[k] for term, k in lacking]
+        self.means = [self._means(i, before) for i in range(len(self.blocks))]
         self.levels = {t: self._level(t) for t, lacks in enumerate(self.lacking) if lacks.any()}
         for t in self.levels:
             for i in np.flatnonzero(self.lacking[t]):
                 self.means[i][t] = self.blocks[i].mean(self._stand_in(t, self.blocks[i]))
-        self.noises = [self._noises(i, like) for i in range(len(self.blocks))]
+        self.noises = [self._noises(i, before) for i in range(len(self.blocks))]
         self.alike = self._alike(like)
         self.layout, self._summed = self._build()
 
@@ -95,19 +98,23 @@ class Design:
         color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else WHITE
         return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about)
 
-    def _means(self, i: int, like: Design | None) -> list[Array | None]:
+    def _means(self, i: int, before: Design) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
-        known = []
-        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
-            known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
         out: list[Array | None] = []
-        for term in self.terms:
-            same = next((m for t, m in known if t == term and t.effect is term.effect), None)
+        for term, k in zip(self.terms, self._before, strict=True):
+            same = None if k is None or before.blocks[i] is not self.blocks[i] else before.means[i][k]
             if same is None and term.fault is None and not self.lacking[len(out)][i]:
                 columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
         return out
+
+    def _unchanged(self, like: Design | None) -> list[int | None]:
+        """For each term, the number of the same one in a design of the same runs and axis; None if that has no such term."""
+        if like is None or like.axis != self.axis or not all(map(operator.is_, like.given, self.given)):
+            return [None] * len(self.terms)
+        old = [(k, term, term.effect) for k, term in enumerate(like.terms)]
+        return [next((k for k, t, e in old if t is new or (t == new and e is new.effect)), None) for new in self.terms]
 
     def _lacking(self, term: Term, runs: Sequence[Run]) -> Mask:
         """Mask [runs] of those without the data of a term. If none has them, the term itself says what it does then."""
@@ -134,23 +141,22 @@ class Design:
         free (:meth:`grams`)."""
         return self._unit(t, b) * self.levels[t]
 
-    def _noises(self, i: int, like: Design | None) -> list[Array | None]:
+    def _noises(self, i: int, before: Design) -> list[Array | None]:
         """The part of the squared norm of each term's columns in one run that comes from noise, and its standard error.
 
         [k, 2] for each term, in (deg/s per unit)^2 summed over samples; None for a term whose columns have no noise.
         """
-        known = []
-        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
-            known = list(zip(like.terms, like.noises[i], strict=True))
         out: list[Array | None] = []
         b = self.blocks[i]
-        for term in self.terms:
-            same = [power for t, power in known if t == term and t.effect is term.effect]
-            if not same and b.t_s.size and term.fault is None:
+        for term, k in zip(self.terms, self._before, strict=True):
+            if k is not None and before.blocks[i] is b:
+                out.append(before.noises[i][k])
+                continue
+            found = None
+            if b.t_s.size and term.fault is None:
                 values = term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0)
                 found = term.effect.noise(b.run, self.axis, values, float(b.n[0]))
-                same = [None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]])]
-            out.append(same[0] if same else None)
+            out.append(None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]]))
         return out
 
     def _seen(self, like: Design | None) -> list[Blocks]:

@@ -8,9 +8,10 @@ number of cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -72,9 +73,9 @@ class Summed:
         has no neighbour, and no ``color``.
         """
         blocks, log_n = t_s.size, float(np.log(n).sum())
+        joined = np.zeros(0, dtype=bool)
         if color and blocks > 1:
             joined = np.diff(t_s) < JOINED * float(np.median(np.diff(t_s)))
-            columns = (color.whitened(one, joined) for one in columns)
             log_n += color.log_determinant(joined)
         even = np.ptp(n) == 0
         cell = np.floor((t_s - t_s[0]) / cell_s + ROUNDING) if cell_s > 0 else np.arange(blocks)
@@ -82,21 +83,24 @@ class Summed:
         exact = start.size == blocks
         total = n if exact else np.add.reduceat(n, start)
         grams, withins, means = [], [], []
-        for one in columns:
-            weighted = one if even else one * n
+        for some in _stacked(columns):
+            if joined.size:
+                some = color.whitened(some.reshape(-1, blocks), joined).reshape(some.shape)
+            weighted = some if even else some * n
             if exact:
-                mean, within = one, np.zeros((len(one), len(one)))
-                gram = weighted @ one.T * (n[0] if even else 1.0)
+                mean, within = some, np.zeros((*some.shape[:2], some.shape[1]))
+                gram = weighted @ some.swapaxes(-1, -2) * (n[0] if even else 1.0)
             else:
                 mean = np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
-                about = one - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
-                within = about @ about.T * n[0] if even else about * n @ about.T
-                gram = within + mean * total @ mean.T
+                about = some - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
+                within = about @ about.swapaxes(-1, -2) * n[0] if even else about * n @ about.swapaxes(-1, -2)
+                gram = within + mean * total @ mean.swapaxes(-1, -2)
             grams.append(gram)
             withins.append(within)
             means.append(mean)
         centre_s = t_s if exact else np.add.reduceat(t_s * n, start) / total
-        return Summed(np.stack(grams), np.stack(withins), np.stack(means), centre_s, total, blocks, log_n)
+        gram, within, mean = (np.concatenate(parts) for parts in (grams, withins, means))
+        return Summed(gram, within, mean, centre_s, total, blocks, log_n)
 
     def of_columns(self, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Summed:
         """The same sums for a selection of the columns."""
@@ -179,6 +183,13 @@ class Summed:
         runs = max(1, AT_ONCE // (same.shape[1] * self.t_s.size))
         parts = (same[first : first + runs] for first in range(0, len(same), runs))
         return np.concatenate([left[part] @ right[part].swapaxes(-1, -2) for part in parts])
+
+
+def _stacked(columns: Iterable[Array]) -> Iterator[Array]:
+    """Columns [q, m] of many runs, as many of these at once as fit into the processor's cache, [runs, q, m]."""
+    rest = iter(columns)
+    for first in rest:
+        yield np.stack([first, *islice(rest, AT_ONCE // max(1, first.size))])
 
 
 @dataclass(frozen=True)

@@ -152,9 +152,11 @@ def _errors(rest: Sequence[Array]) -> list[Array]:
 def _sizes(error: Array) -> Array:
     """The median size of errors [n] in the window of each, shape [n], in counts."""
     windows = max(1, error.size // WINDOW)
-    sizes = [float(np.median(np.abs(part))) for part in np.array_split(error, windows)]
-    counts = [part.size for part in np.array_split(error, windows)]
-    return np.maximum(np.repeat(sizes, counts), 0.2)
+    length, longer = divmod(error.size, windows)
+    parts = np.split(np.abs(error), [longer * (length + 1)])  # the first windows are longer by one reading
+    counts = (length + 1, length)
+    sizes = [np.repeat(np.median(part.reshape(-1, n), axis=1), n) for part, n in zip(parts, counts, strict=True)]
+    return np.maximum(np.concatenate(sizes), 0.2)
 
 
 def _likeliest(now: Codes, before: Codes, noise: _Noise, size: int, shift: int) -> tuple[float, float]:
