@@ -21,6 +21,7 @@ from gyrocal.web.fall import Fall, fall
 from gyrocal.web.hero import left_now, of_each_run
 from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
 from gyrocal.web.opened import Opened
+from gyrocal.web.panels.compare import _counted
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains, symbols
@@ -96,6 +97,16 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     assert 1e3 * both.last.floor_dps == pytest.approx(1e3 * after.compared["floor_dps"])
     assert "within power cycles" in both.sentence
     assert f"{1e3 * before['excess_dps']:.2f} → {1e3 * after.compared['excess_dps']:.2f} mdps" in both.in_all
+    # Compare counts as the bars do; it gave the excess with what differs between two power cycles, which is another figure
+    for shown, shown_of in ((view, alone), (after, both)):
+        unit, (*of_axes, (_, rms, floor, excess, _)) = _counted(shown, shown_of)
+        assert (unit, float(excess)) == ("mdps", pytest.approx(shown_of.bars[-1].after, abs=0.06))
+        assert float(rms) ** 2 - float(floor) ** 2 == pytest.approx(float(excess) ** 2, abs=15)
+        power = sum(float(of[3]) ** 2 for of in of_axes) / 3
+        assert power == pytest.approx(float(excess) ** 2, abs=3), "a mean of three axes"
+    assert alone.now.of_axes["z"].excess_dps == pytest.approx(view.compared["per_axis"]["z"]["excess_within_dps"])
+    assert "mdps rms over x, y and z, on unseen recordings" in both.counted
+    assert "rms over x, y and z, went from" in both.sentence
 
 
 def test_the_picture_of_an_effect_holds_the_residual_and_flattens(

@@ -102,7 +102,7 @@ class HeroView:
             bar = fall.bars[-1 if step is None else self.bench.steps.index(step)]
             how = " within power cycles" if fall.within else ""
             figures = f"{fall.told(bar.before)} → {fall.told(bar.after)}" if added else fall.told(bar.after)
-            lines.append(f"excess error{how} {figures} {fall.unit.name} rms, all axes")
+            lines.append(f"excess error{how} {figures} {fall.unit.name} {fall.over_axes}")
         return [*lines, where]
 
     def _show(
