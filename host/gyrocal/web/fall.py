@@ -152,8 +152,8 @@ class Fall:
         unit = self.unit
         figures = [unit.text(level.excess_dps, 2) for level in (self.first, self.last) if level.excess_dps is not None]
         shown = figures[0] if len(self.bars) < 2 else " → ".join(figures)
-        floor = unit.text(self.last.floor_dps, 2)
-        return f"With what differs between power cycles, offset and scale: {shown} {unit.name} over a floor of {floor} {unit.name}."
+        floor = f"{unit.text(self.last.floor_dps, 2)} {unit.name}"
+        return f"With what differs between power cycles, offset and scale: {shown} {unit.name} over a floor of {floor}."
 
 
 def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:

@@ -173,7 +173,8 @@ class ComparePanel:
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
             above = above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"])
-            _figures(view, self.bench.fall(), tone, stands_on(view.compared) or high_floor(view.compared) or above, judged=judged)
+            above = stands_on(view.compared) or high_floor(view.compared) or above
+            _figures(view, self.bench.fall(), tone, above, judged=judged)
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
