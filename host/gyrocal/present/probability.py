@@ -41,10 +41,11 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
     rows = [("its share", f"{100 * share:.0f} % of what it and an unnamed rest describe together{enough}")]
     if same_p is None:
         return rows
-    parts = "early and late, slow and fast, in both directions, cold and warm"
+    parts = "in the first and the last half, slow and fast, in both directions, cold and warm"
     if same_p >= LEAST_SAME:
-        return [*rows, ("the same in parts", f"{parts}: p = {same_p:.2g}")]
-    return [*rows, ("not the same in parts", f"its size differs ({parts}; p = {same_p:.1g}): something else may pass for it")]
+        return [*rows, ("the same in parts", f"the same {parts}, as far as the recordings show (p = {same_p:.2g})")]
+    told = f"not the same {parts} (p = {same_p:.1g}): something else may pass for it"
+    return [*rows, ("not the same in parts", told)]
 
 
 def probability_rows(judged: Judged) -> list[tuple[str, str]]:

@@ -15,10 +15,12 @@ from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, cal
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.add import attempt, proven_on
+from gyrocal.diagnosis.explain import explain
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects.base import title_of
 from gyrocal.extras import lacking
 from gyrocal.inference import heldout
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
 from gyrocal.present import probability, report
@@ -27,12 +29,14 @@ from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
+from gyrocal.web.beside import as_shown
 from gyrocal.web.budget import of_answers
 from gyrocal.web.doubt import doubts, faster
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
 from gyrocal.web.opened import Opened
+from gyrocal.web.parts import halves
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.told import Change
@@ -41,8 +45,10 @@ from gyrocal.web.views import (
     CalibrationView,
     Card,
     DiagnosisView,
+    ExplainedView,
     ExportView,
     Holdable,
+    Made,
     ModelView,
     Picture,
     Recording,
@@ -114,6 +120,19 @@ class Bench:
             reason = before.note.partition(" was not added: ")[2]
             return Attempt(before.to_json(), None, f"{title} was not added: {reason}.", excluded)
         return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded)
+
+    def explain(self, recording: Recording, model: str, progress: Progress) -> ExplainedView:
+        """Add every missing effect that is certain, step by step, and diagnose what is left."""
+        session = self.opened.session(recording)
+        found = explain(session, self._model(model), progress=progress)
+        made = []
+        for step in found.steps:
+            named = [c for c in (step.found.candidates if step.found else ()) if c.effect.id in step.effects]
+            cards = _cards(step.found, [c for c in named if c.axis in step.axes]) if step.found else []
+            title = " and ".join(title_of(i) for i in step.effects)
+            made.append(Made(step.effects, title, tuple(cards), self._view(recording, step.after, progress)))
+        self._last = (session, found.last.comparison)
+        return ExplainedView(made, _diagnosis_view(found.last))
 
     def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""
@@ -248,6 +267,15 @@ def _sizes(model: Model) -> dict[str, dict[str, str]]:
 
 
 def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
+    alternatives = [a.to_json() for a in found.alternatives]
+    return DiagnosisView(
+        found.verdict, report.verdict_text(found, _title), _cards(found, as_shown(found)), found.unknown,
+        probability.set_rows(alternatives, _title), probability.left_over(alternatives),
+    )  # fmt: skip
+
+
+def _cards(found: Diagnosis, candidates: Sequence[Candidate]) -> list[Card]:
+    """The cards of some candidates of a diagnosis, with pictures of what it names or suggests."""
     fit = found.comparison.fit
     means: dict[tuple[int, int], Array] = {}
     blocks = {b.run.index: b for b in fit.blocks}
@@ -255,21 +283,17 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
         means[p.run.index, p.axis] = blocks[p.run.index].mean(p.residual_dps[:, None])[:, 0]
     drawn = points(fit.blocks, means)
     few = found.comparison.cycles < POLICY.few_cycles
-    cards = [
-        Card(
+    cards = []
+    for c in candidates:
+        signal = _signal(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None
+        cards.append(Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
-            [title_of(i) for i in c.group if i != c.effect.id], _size(c),
-            doubts(c, found.comparison, found.candidates), few,
-            _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
+            [title_of(i) for i in c.group if i != c.effect.id], _size(c), doubts(c, found.comparison, candidates), few,
+            None if signal is None else _picture(c, signal, fit, drawn),
             not c.effect.fast and faster(found.comparison, c.axis), limits(c) if c.decision == "reject" else "",
-        )
-        for c in found.candidates
-    ]  # fmt: skip
-    alternatives = [a.to_json() for a in found.alternatives]
-    return DiagnosisView(
-        found.verdict, report.verdict_text(found, _title), cards, found.unknown, probability.set_rows(alternatives, _title),
-        probability.left_over(alternatives),
-    )  # fmt: skip
+            [] if signal is None or c.effect.fast else halves(c.axis, signal, drawn),
+        ))  # fmt: skip
+    return cards
 
 
 def _title(effect_id: str) -> str:
@@ -284,13 +308,17 @@ def _size(c: Candidate) -> str:
     return f"{size}; without {' and '.join(without)}" if without else size
 
 
-def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture | None:
-    blocks = found.fit.blocks
-    samples = np.concatenate([b.n for b in blocks])
+def _signal(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Array | None:
+    """The fitted effect in block means [blocks], deg/s; None if it has none, or if the axis has no residual."""
+    samples = np.concatenate([b.n for b in found.fit.blocks])
     if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
-    files = {b.run.index: b.run.file for b in blocks}
-    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against, c.effect.equation)
+    return np.asarray(c.signal / np.sqrt(samples))
+
+
+def _picture(c: Candidate, signal: Array, fit: Fit, drawn: dict[str, Any]) -> Picture | None:
+    files = {b.run.index: b.run.file for b in fit.blocks}
+    return picture(c.axis, signal, drawn, files, c.effect.shown_against, c.effect.equation)
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

@@ -297,6 +297,8 @@ def hero(
     }]  # fmt: skip
     entries = [entry(names[0], "dots"), entry(names[1], "thick"), entry(names[2], "band", 0.35)]
     entries += [entry(s["name"], "dots", 0.5) for s in own]
+    before = [[round(x, 6), round(factor * y, 6)] for x, y in zip(shown.centres, shown.left, strict=True)] if added else []
+    entries += [{**entry(BEFORE, "dots", 0.6), "itemStyle": {"color": p.bad, "opacity": 0.6}}] if added else []
     ends: Options = {"min": shown.edges[0], "max": shown.edges[-1]}
     if shown.few:
         space = 1 if shown.marks else 0.1 * (shown.centres[-1] - shown.centres[0])  # the ticks begin at the end of the axis
@@ -307,7 +309,7 @@ def hero(
     return base(
         p, **moved,
         legend=legend(p, entries, left=54, right=12, type="plain", itemGap=8),
-        media=fitting(_headed(p, lines, 1 + bool(own), len(broken)), _headed(p, broken, len(entries))),
+        media=fitting(_headed(p, lines, 1 + bool(own or before), len(broken)), _headed(p, broken, len(entries))),
         tooltip=tooltip(p, [unit.name], unit_in(shown.x_label), shown.marks), toolbox=BOX, units=[unit.name],
         grid=grid(left=54, right=16, bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
@@ -319,13 +321,17 @@ def hero(
                 "silent": True, **moved,
             },
             band(names[2], filled, p.axes[shown.axis], 0.25),
+            {
+                "type": "scatter", "name": BEFORE, "data": before, "symbolSize": 5, "silent": True, "animation": False, "z": 1,
+                "itemStyle": {"color": p.bad, "opacity": 0.6},
+            },
             *own,
         ],
     )  # fmt: skip
 
 
 LEFT, EFFECT, WITHIN_SE = "left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"
-AFTER = "where the means should lie now"
+AFTER, BEFORE = "where the means should lie now", "before it was added"
 """Names in the legend of an effect's picture, on the page and in the report."""
 
 

@@ -40,6 +40,8 @@ class Recipe:
     """What the diagnosis of the model before it said of the effect, best first; empty if it did not name it."""
     limits: tuple[str, ...] = ()
     """The sizes that the session excludes on the axes where the effect, which was tried by hand, was not found, in words."""
+    also: tuple[str, ...] = ()
+    """The ids of effects that are certain only together with this one, and were added with it."""
 
     @property
     def picture(self) -> Picture | None:

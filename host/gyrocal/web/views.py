@@ -154,6 +154,15 @@ class Signature:
 
 
 @dataclass(frozen=True)
+class Halves:
+    """An effect's size in two halves of the recordings, as parts of its size in all of them, with standard errors."""
+
+    names: tuple[str, str]
+    sizes: tuple[float, float]
+    se: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Card:
     """One effect on one axis, judged; ``judged`` is its entry of `gyrocal diagnose --json`."""
 
@@ -173,6 +182,8 @@ class Card:
     """True if the explained part is that of means, because the effect is slow and the axis has a faster error too."""
     limit: str = ""
     """The size that is excluded, in words, of an effect that was looked for and not found; empty if it is not known."""
+    halves: list[Halves] = field(default_factory=list)
+    """The effect's size in the halves of the recordings that show it."""
 
     @property
     def signature(self) -> Signature | None:
@@ -218,6 +229,24 @@ class Attempt:
     view: ModelView | None
     refused: str
     limits: list[str]
+
+
+@dataclass(frozen=True)
+class Made:
+    """One step of an explanation: effects that were added together, with their cards and the model that has them."""
+
+    effects: tuple[str, ...]
+    title: str
+    cards: tuple[Card, ...]
+    view: ModelView
+
+
+@dataclass(frozen=True)
+class ExplainedView:
+    """Everything that was certain, step by step, and the diagnosis of the last model."""
+
+    made: list[Made]
+    found: DiagnosisView
 
 
 @dataclass(frozen=True)

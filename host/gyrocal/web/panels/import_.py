@@ -170,17 +170,18 @@ class ImportPanel:
         asked = Asked(
             () if guessed else lines, self.face.value or None, self.rate.value, self.axis.value or None, self.sample_rate.value,
             self.lsb.value, self.sensor.value or None, turn_deg=self.turn.value, reference=self.reference,
-            own_clock=bool(self.own_clock.value), cuts=() if self._rates_known else tuple(filter(None, map(Taken.cut, self.cuts))),
+            own_clock=bool(self.own_clock.value), cuts=self._cuts(),
         )  # fmt: skip
         if self.motion.value != HAND:
             return asked
         no_table = replace(asked, face=None, table_rate_dps=None, axis=None, turn_deg=None, cuts=())
         return replace(no_table, reference=None, own_clock=False, gravity=True)
 
-    @property
-    def _rates_known(self) -> bool:
-        """True if a reference or a turn takes the place of a rate, so that nothing has to be cut."""
-        return self.reference is not None or self.turn.value is not None
+    def _cuts(self) -> tuple[Cut, ...]:
+        """The stretches that were ticked; none where a reference or a turn takes the place of their rates."""
+        if self.reference is not None or self.turn.value is not None:
+            return ()
+        return tuple(cut for taken in self.cuts if (cut := taken.cut()) is not None)
 
     async def _again(self) -> None:
         await self._look(self._asked())
