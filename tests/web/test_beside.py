@@ -15,7 +15,7 @@ from gyrocal.web.beside import as_shown
 
 def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:
     """Each explained 100 %; after the first was added, it had explained half."""
-    session, _ = simulate(None, "full", ["scale_asymmetry", "g_sensitivity"], 3, scenarios=1, seconds=10.0)
+    session, _ = simulate(None, "full", ["scale_asymmetry", "g_sensitivity"], 3, scenarios=3, seconds=8.0)
     found = diagnose(session)
     shown = [c for c in as_shown(found) if c.axis == "z" and c.decision == "add"]
     assert shown[0].named  # what is sure comes first

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from gyrocal.web.bench import Bench
 from gyrocal.web.doubt import _not_enough
 from gyrocal.web.fall import Fall, fall
 from gyrocal.web.hero import left_now, of_each_run
-from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
+from gyrocal.web.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
 from gyrocal.web.opened import Opened
 from gyrocal.web.panels.compare import _counted
 from gyrocal.web.traces import Traces
@@ -80,7 +80,7 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     """The excess is that of the planted wave, before it is added as after; the bars are the figures of `gyrocal add --json`."""
     bench, recording, view, _ = ripple
     alone = fall([("model at first", view.levels)])
-    tried = bench.add(recording, "default", "table_ripple", "Ripple", silent)
+    tried = bench.add(recording, "default", "table_ripple", "Ripple", {}, silent)
     before, after = tried.before, tried.view
     assert after is not None
     both = fall([("model at first", view.levels), ("ripple", after.levels)])
@@ -109,6 +109,25 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     assert "rms over x, y and z, went from" in both.sentence
 
 
+def test_all_that_is_certain_is_added_at_once_with_its_evidence(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    bench, recording, *_ = ripple
+    found = bench.explain(recording, "default", {}, silent)
+    (made,) = found.made
+    assert (made.effects, made.title) == (("table_ripple",), "Ripple of the table's speed")
+    (card,) = made.cards
+    assert card.picture is not None
+    assert card.doubts == []
+    assert made.view.compared["verdict"] == "adequate"
+    assert found.found.verdict == "adequate"
+    assert card.halves, "the two halves of a run show a ripple"
+    for of in card.halves:
+        assert all(abs(size - 1) < max(4 * se, 0.05) for size, se in zip(of.sizes, of.se, strict=True))
+    shown = KEPT.validate_python(json.loads(json.dumps(asdict(Recipe("x", "table_ripple", cards=(card,), proves=("drift",))))))
+    assert shown.cards == (card,)  # it comes back with the session
+
+
 def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:
@@ -120,7 +139,7 @@ def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     left, curve, se = (np.array(v) for v in (shown.left, shown.curve, shown.se))
     assert np.ptp(curve) / 2 == pytest.approx(1e3 * AMPLITUDE_DPS, rel=0.1)
     assert np.mean(np.abs(left - curve) < 2 * se) > 0.8  # the band is where the means lie
-    after = bench.add(recording, "default", "table_ripple", "Ripple", silent).view
+    after = bench.add(recording, "default", "table_ripple", "Ripple", {}, silent).view
     assert after is not None
     traces = Traces(bench.opened.open(recording.path, silent))
     traces.take(after)
@@ -294,10 +313,10 @@ def test_what_is_tried_has_its_size_and_what_is_not_found_its_limit(
 ) -> None:
     """A refusal named the effect by its id; of what was added no size was told, and of what was not found no limit."""
     bench, recording, _, found = ripple
-    clipped = bench.add(recording, "default", "saturation", "Clipping at full scale", silent)
+    clipped = bench.add(recording, "default", "saturation", "Clipping at full scale", {}, silent)
     assert clipped.view is None
     assert clipped.refused.startswith("Clipping at full scale was not added: this session does not show it")
-    tried = bench.add(recording, "default", "g_sensitivity", "Sensitivity to gravity and acceleration", silent)
+    tried = bench.add(recording, "default", "g_sensitivity", "Sensitivity to gravity and acceleration", {}, silent)
     assert tried.view is not None
     (axis,) = tried.view.sizes["g_sensitivity"]
     assert re.fullmatch(r"gz_dps_per_g -?[\d.e-]+ ± [\d.e-]+ dps/g", tried.view.sizes["g_sensitivity"][axis])

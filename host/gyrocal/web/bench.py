@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from gyrocal.present.limits import limits
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
+from gyrocal.web.again import proven_now
 from gyrocal.web.against import panels
 from gyrocal.web.beside import as_shown
 from gyrocal.web.budget import of_answers
@@ -55,6 +56,8 @@ from gyrocal.web.views import (
 )
 
 Progress = Callable[[str], None]
+Doubted = Mapping[str, Sequence[str]]
+"""Ids of effects in the model that are not proven, with those that the session could not tell from them."""
 
 
 class Bench:
@@ -111,18 +114,22 @@ class Bench:
         self._last = (session, found.comparison)
         return _diagnosis_view(found)
 
-    def add(self, recording: Recording, model: str, effect: str, title: str, progress: Progress) -> Attempt:
-        """Add an effect, which is called ``title`` where it is refused."""
+    def add(
+        self, recording: Recording, model: str, effect: str, title: str, doubted: Doubted, progress: Progress
+    ) -> Attempt:
+        """Add an effect, which is called ``title`` where it is refused, and test again what is ``doubted``."""
         (before, after, _), judged = attempt(self.opened.session(recording), self._model(model), effect, progress=progress)
         proven = proven_on(judged)
         excluded = [f"on {a}, {told}" for a, c in judged.items() if a not in proven and (told := limits(c))]
         if before.note:
             reason = before.note.partition(" was not added: ")[2]
             return Attempt(before.to_json(), None, f"{title} was not added: {reason}.", excluded)
-        return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded)
+        progress("testing again what was not proven")
+        proves = tuple(proven_now(after, doubted))
+        return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded, proves)
 
-    def explain(self, recording: Recording, model: str, progress: Progress) -> ExplainedView:
-        """Add every missing effect that is certain, step by step, and diagnose what is left."""
+    def explain(self, recording: Recording, model: str, doubted: Doubted, progress: Progress) -> ExplainedView:
+        """Add every missing effect that is certain, step by step, diagnose what is left, and test again what is ``doubted``."""
         session = self.opened.session(recording)
         found = explain(session, self._model(model), progress=progress)
         made = []
@@ -132,7 +139,7 @@ class Bench:
             title = " and ".join(title_of(i) for i in step.effects)
             made.append(Made(step.effects, title, tuple(cards), self._view(recording, step.after, progress)))
         self._last = (session, found.last.comparison)
-        return ExplainedView(made, _diagnosis_view(found.last))
+        return ExplainedView(made, _diagnosis_view(found.last), tuple(proven_now(found.last.comparison, doubted)))
 
     def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gyrocal.web.models import Recipe, Step
+from gyrocal.web.models import Recipe, Step, doubted
 from gyrocal.web.state import Workbench
 from gyrocal.web.views import ExplainedView
 
@@ -12,13 +12,16 @@ async def explain_all(bench: Workbench) -> None:
     if bench.session is None or bench.step is None:
         return
     source = bench.step.source
-    found: ExplainedView | None = await bench.ask("Adding all that is certain", "explain", bench.recording, source)
+    asked = (bench.recording, source, doubted(bench.steps))
+    found: ExplainedView | None = await bench.ask("Adding all that is certain", "explain", *asked)
     if found is None:
         return
     steps = []
     for made in found.made:
         effect, *also = made.effects
-        steps.append(Step(Recipe(made.view.toml, effect, made.title, cards=made.cards, also=tuple(also)), made.view))
+        proves = found.proves if made is found.made[-1] else ()
+        recipe = Recipe(made.view.toml, effect, made.title, cards=made.cards, also=tuple(also), proves=proves)
+        steps.append(Step(recipe, made.view))
     bench.found(steps[-1].source if steps else source, found.found)
     if steps:
         await bench.take(*steps)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from gyrocal.errors import GyrocalError
 from gyrocal.web.jobs import SEARCHES, Jobs
 from gyrocal.web.live import Live
-from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
+from gyrocal.web.models import BY_HAND, Models, Recipe, Step, doubted, read_models, write_models
 from gyrocal.web.on_page import on_page
 from gyrocal.web.places import Places
 from gyrocal.web.told import story
@@ -176,12 +176,12 @@ class Workbench:
             if self.session is None or self.step is None:
                 return ""
             cards = () if self.diagnosis is None else self.diagnosis.of(effect)
-            asked = (self.recording, self.step.source, effect, title)
+            asked = (self.recording, self.step.source, effect, title, doubted(self.steps))
             found: Attempt = await self.jobs.run(f"Adding {title.lower()}", "add", *asked)
             if found.view is None:
                 return " ".join([found.refused, *(f"What it excludes: {told}." for told in found.limits)])
             self.before = found.before
-            kept = (tuple(cards[0].doubts if cards else (BY_HAND,)), "", cards, tuple(found.limits))
+            kept = (tuple(cards[0].doubts if cards else (BY_HAND,)), "", cards, tuple(found.limits), (), found.proves)
             await self.take(Step(Recipe(found.view.toml, effect, title, False, formula, *kept), found.view))
         return ""
 

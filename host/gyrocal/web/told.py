@@ -33,6 +33,8 @@ class Change:
     """What the session excludes of it, in words."""
     also: tuple[str, ...] = ()
     """The ids of effects that are certain only together with it, and were added with it."""
+    proves: tuple[str, ...] = ()
+    """The ids of effects that were in doubt before, and are proven with it in the model."""
 
     @property
     def by_hand(self) -> bool:
@@ -69,7 +71,7 @@ def story(steps: Sequence[Step]) -> list[Change]:
         on = tuple(sorted(step.axes)) if step.adds else ()
         sizes = tuple(sorted(step.sizes.items())) if step.adds else ()
         made = (step.effect, step.title, step.removed, step.formula, recipe.doubts, its, recipe.held, on, sizes, recipe.limits)
-        changes.append(Change(*made, also=recipe.also))
+        changes.append(Change(*made, also=recipe.also, proves=recipe.proves))
     return changes
 
 
@@ -81,4 +83,6 @@ def in_doubt(changes: Sequence[Change]) -> str:
             doubted.pop(change.effect, None)
         elif change.doubts and not change.held:
             doubted[change.effect] = change.title
+        for effect in change.proves:
+            doubted.pop(effect, None)
     return f"Not proven: {', '.join(doubted.values())}." if doubted else ""

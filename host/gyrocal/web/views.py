@@ -222,13 +222,15 @@ class Attempt:
     """An effect that was tried. ``view`` is the model with it, None if it was ``refused``, which says why.
 
     ``before`` is the comparison before it, over the richer model's floor, as ``gyrocal add --json`` gives it. ``limits`` are
-    the sizes that the session excludes on the axes where the effect is not proven, in words.
+    the sizes that the session excludes on the axes where the effect is not proven, in words. ``proves`` are the ids of effects
+    that were in doubt and are proven beside it.
     """
 
     before: dict[str, Any]
     view: ModelView | None
     refused: str
     limits: list[str]
+    proves: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -243,10 +245,11 @@ class Made:
 
 @dataclass(frozen=True)
 class ExplainedView:
-    """Everything that was certain, step by step, and the diagnosis of the last model."""
+    """Everything that was certain, step by step, the diagnosis of the last model, and what is proven beside it by now."""
 
     made: list[Made]
     found: DiagnosisView
+    proves: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.formula_card import formula_card
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
-from gyrocal.web.models import latest
+from gyrocal.web.models import doubts_of, latest
 from gyrocal.web.on_page import on_page
 from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
@@ -166,17 +166,7 @@ class DiagnosePanel:
 
     def _in_doubt(self) -> list[str]:
         """Titles of the effects in the model that were not proven when they were added."""
-        return [title for title, doubts in self._doubts().values() if doubts]
-
-    def _doubts(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """The title of each effect that the steps have added, and what speaks against it."""
-        out: dict[str, tuple[str, tuple[str, ...]]] = {}
-        for step in self.bench.steps:
-            if step.removed:
-                out.pop(step.effect, None)
-            elif step.effect:
-                out[step.id] = (step.title, step.recipe.doubts)
-        return out
+        return [title for title, doubts in doubts_of(self.bench.steps).values() if doubts]
 
     # The model, the fall, the calibration.
 
@@ -188,7 +178,7 @@ class DiagnosePanel:
             return
         with self.model, ui.row().classes("tight"):
             ui.label("The model contains").classes("dim")
-            doubts = self._doubts()
+            doubts = doubts_of(self.bench.steps)
             for effect, title, removable in step.view.effects:
                 if removable:
                     doubted = effect in doubts and bool(doubts[effect][1])
