@@ -375,7 +375,7 @@ def _figures(view: ModelView, fall: Fall | None, tone: str, above: str, *, judge
         ui.label(told).classes("dim small per-axis")
         for text in ("", "") if fall is None else (f"Counted in {fall.counted}.", fall.in_all):
             if text:
-                ui.label(text).classes("dim small per-axis counted")
+                ui.label(text).classes("dim small counted")
         if above:
             ui.label(above).classes("dim small per-axis above")
 
