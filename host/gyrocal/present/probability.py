@@ -57,6 +57,15 @@ def probability_rows(judged: Judged) -> list[tuple[str, str]]:
     return [] if stated is None else [("probability", of_100(stated)), *checks(judged)]
 
 
+def sentence(judged: Judged) -> str:
+    """The probability of a candidate of ``gyrocal diagnose --json`` and its checks in one line; empty if it has none."""
+    rows = probability_rows(judged)
+    if not rows:
+        return ""
+    told = [text if name == "probability" else f"{name}: {text}" if name == "its share" else text for name, text in rows]
+    return f"{judged['effect']} on {judged['axis']}: {'; '.join(told)}."
+
+
 def set_rows(alternatives: Sequence[Judged], called: Callable[[str], str] = str) -> list[list[str]]:
     """The likeliest sets of each axis of ``gyrocal diagnose --json`` in words; ``called`` names an effect by its id.
 

@@ -215,6 +215,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     if probability.set_rows(alternatives):
         table("What explains each axis together", list(probability.SETS), probability.set_rows(alternatives))
     stdout.print(verdict_text(d), style="bold")
+    for c in passed:
+        print_note(probability.sentence(c.to_json()) if c.decision == "add" else "")
     print_note(probability.left_over(alternatives))
     target = model if model and model.endswith(".toml") else "model.toml"
     best = sure(d) if d.verdict in ("add", "ambiguous") else None
