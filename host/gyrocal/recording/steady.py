@@ -7,6 +7,7 @@ run may hold one rate alone. The stretches are found in the readings; the true r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -57,13 +58,12 @@ def stretches(run: Run) -> list[Stretch]:
     out = []
     for k, ((first, last), value) in enumerate(zip(found, values, strict=True)):  # its end blocks hold a part of the change
         start_s, end_s = float(known[first] + 1) * BLOCK_S, float(known[last]) * BLOCK_S
-        rows = slice(*np.searchsorted(t_s, (start_s, end_s)))
-        face = _face(run, rows)
+        face = _face(run, (t_s >= start_s) & (t_s < end_s))
         out.append(Stretch(f"{k:03d}_{face}", start_s, end_s, value, face))
     return out
 
 
-def _alike(known: Array, means: Array) -> list[tuple[int, int]]:
+def _alike(known: Any, means: Array) -> list[tuple[int, int]]:
     """First and last place of successive blocks [k, 3] that stay near the mean of those before them."""
     steps = np.abs(np.diff(means, axis=0))
     noise = NOISE_ERRORS * 1.48 * np.median(steps, axis=0) / np.sqrt(2) if len(steps) else np.zeros(3)
@@ -79,7 +79,7 @@ def _alike(known: Array, means: Array) -> list[tuple[int, int]]:
     return [*out, (first, len(means) - 1)]
 
 
-def _face(run: Run, rows: slice) -> str:
+def _face(run: Run, rows: Any) -> str:
     """The face of a stretch by the accelerometer; that of the run where it does not tell."""
     acc_g = [run.column(name) for name in ("ax_g", "ay_g", "az_g")]
     known = [a[rows] for a in acc_g if a is not None]
