@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -293,12 +294,14 @@ def _cards(found: Diagnosis, candidates: Sequence[Candidate]) -> list[Card]:
     cards = []
     for c in candidates:
         signal = _signal(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None
+        others = [o for o in candidates if o.axis == c.axis and o.named and not o.together] if c.decision == "suggest" else []
+        left = _without(others, found.comparison, drawn, c.axis)
         cards.append(Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
             [title_of(i) for i in c.group if i != c.effect.id], _size(c), doubts(c, found.comparison, candidates), few,
-            None if signal is None else _picture(c, signal, fit, drawn),
+            None if signal is None else _picture(c, signal, fit, left, others),
             not c.effect.fast and faster(found.comparison, c.axis), limits(c) if c.decision == "reject" else "",
-            [] if signal is None or c.effect.fast else halves(c.axis, signal, drawn),
+            [] if signal is None or c.effect.fast else halves(c.axis, signal, left),
         ))  # fmt: skip
     return cards
 
@@ -323,9 +326,18 @@ def _signal(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Array | N
     return np.asarray(c.signal / np.sqrt(samples))
 
 
-def _picture(c: Candidate, signal: Array, fit: Fit, drawn: dict[str, Any]) -> Picture | None:
+def _without(named: Sequence[Candidate], found: Comparison, drawn: dict[str, Any], axis: str) -> dict[str, Any]:
+    """The points of an axis without the signals of what is named there: the residual that a hint was judged on."""
+    signals = [s for c in named if (s := _signal(c, found, drawn)) is not None]
+    return {**drawn, axis: drawn[axis] - sum(map(np.nan_to_num, signals))} if signals else drawn
+
+
+def _picture(
+    c: Candidate, signal: Array, fit: Fit, drawn: dict[str, Any], named: Sequence[Candidate]
+) -> Picture | None:  # fmt: skip
     files = {b.run.index: b.run.file for b in fit.blocks}
-    return picture(c.axis, signal, drawn, files, c.effect.shown_against, c.effect.equation)
+    shown = picture(c.axis, signal, drawn, files, c.effect.shown_against, c.effect.equation)
+    return shown and replace(shown, beside=" and ".join(o.effect.title.lower() for o in named))
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

@@ -141,6 +141,8 @@ class Picture:
     reach: tuple[float, float] = (0.0, 0.0)
     few: bool = False
     marks: dict[float, str] = field(default_factory=dict)
+    beside: str = ""
+    """The titles of the named effects without which the residual is drawn, as that of a hint beside them is."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +194,7 @@ class Card:
         if shown is None:
             return None
         where = "all recordings" if shown.run is None else shown.file
+        where += f", without {shown.beside}" * bool(shown.beside)
         dots, line = (list(zip(shown.centres, y, strict=True)) for y in (shown.left, shown.curve))
         return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line, shown.few)
 
