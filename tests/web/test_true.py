@@ -17,7 +17,7 @@ from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.bench import Bench
 from gyrocal.web.doubt import _not_enough
-from gyrocal.web.fall import Fall, fall
+from gyrocal.web.fall import Counted, Fall, fall
 from gyrocal.web.hero import left_now, of_each_run
 from gyrocal.web.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
 from gyrocal.web.opened import Opened
@@ -39,7 +39,8 @@ def test_a_doubt_does_not_contradict_the_part_that_is_explained() -> None:
 
 def test_a_fall_by_nothing_is_told_as_nothing() -> None:
     level = Level(0.1, 0.05, 0.09, 0.001, 0.09)
-    told = {part: Fall([], level, level, part, within=False, alone=level).part_told for part in (None, -1e-6, 0.5, -0.2)}
+    one = Counted(level, {"z": level})
+    told = {part: Fall([], level, level, part, within=False, alone=one, now=one).part_told for part in (None, -1e-6, 0.5, -0.2)}
     assert told == {
         None: "", -1e-6: "nothing of its square explained", 0.5: "50.0% of its square explained",
         -0.2: "its square grew by 20.0%",
