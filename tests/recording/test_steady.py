@@ -41,6 +41,7 @@ def test_four_plateaus_are_four_runs_without_their_ramps(ripple: float) -> None:
         begin += seconds + 1.0
     assert len({s.name for s in found}) == 4
     cut = found[1].cut("down", 78.0)
+    assert cut.start is not None
     assert (cut.meta, cut.start.value) == ({"face": "down", "table_rate_dps": 78.0}, found[1].start_s)
 
 

@@ -61,9 +61,9 @@ def checks_svg(share: float | None, halves: Sequence[Halves]) -> str:
     """
     if share is None and not halves:
         return ""
-    marks, y = [], 12.0
-    words = []
-    left = NAMES_PX + 8.0
+    marks: list[str] = []
+    words: list[str] = []
+    left, y = NAMES_PX + 8.0, 12.0
 
     def text(x: float, told: str, anchor: str = "end") -> None:
         marks.append(f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="{anchor}">{html.escape(told)}</text>')
