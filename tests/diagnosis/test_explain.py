@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.explain import Explanation, _falls, _without_needless, explain
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.explain import Explanation, _falls, _plans, _without_needless, explain
 from gyrocal.diagnosis.sets import Choice, EffectSet, _chosen, choose
 from gyrocal.effects import base
 from gyrocal.errors import InputError
@@ -110,6 +111,17 @@ def test_effects_of_one_shape_stay_open() -> None:
 def test_a_single_effect_is_its_own_set() -> None:
     chosen = choose(Current.of(measure(session_with(["table_ripple"])), "z"), [base.effect("table_ripple")], 20)
     assert ([e.id for e in chosen.certain], chosen.open) == (["table_ripple"], ())
+
+
+def test_what_is_sure_is_added_before_one_of_several(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asymmetry or centripetal led the axis and stayed open for ever, although gravity, which is sure, parts them."""
+    pair = ("scale_asymmetry", "centripetal")
+    judged = [Candidate(base.effect(i), "z", "add", group=pair) for i in pair]
+    judged.append(Candidate(base.effect("g_sensitivity"), "z", "add"))
+    led: list[str] = []
+    monkeypatch.setattr("gyrocal.diagnosis.explain._plan", lambda diagnosis, lead, earlier: led.append(lead.effect.id))
+    list(_plans(Diagnosis("ambiguous", judged, None, None), {}, None))  # type: ignore[arg-type]  # no plan is carried out
+    assert led == ["g_sensitivity"]
 
 
 def one_set(ids: list[str], gains: list[float], parameters: int) -> EffectSet:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gyrocal.present.probability import in_words, left_over, of_100, probability_rows, set_rows
+from gyrocal.present.probability import in_words, left_over, of_100, probability_rows, sentence, set_rows
 
 
 def found(axis: str, effects: list[str], unnamed: list[str], probability: float) -> dict[str, Any]:
@@ -24,6 +24,18 @@ def test_checks_that_pass_and_fail_are_told_apart() -> None:
     assert probability_rows({"probability": None, "checks": None}) == []
     assert probability_rows({"effect": "lag"}) == []  # kept by an earlier version
     assert [name for name, _ in probability_rows({"probability": 0.5, "checks": None})] == ["probability"]
+
+
+def test_the_terminal_tells_probability_and_checks_in_one_line() -> None:
+    judged = {
+        "effect": "warmup", "axis": "z", "probability": 0.958, "checks": {"share": 0.97, "same_in_parts_p": 0.3}
+    }  # fmt: skip
+    assert sentence(judged) == (
+        "warmup on z: 96 of 100 such answers are right; its share: 97 % of what it and an unnamed rest describe together; the "
+        "same in the first and the last half, slow and fast, in both directions, cold and warm, as far as the recordings show "
+        "(p = 0.3)."
+    )
+    assert sentence({"effect": "lag", "axis": "z", "probability": None, "checks": None}) == ""
 
 
 def test_the_sets_of_an_axis_stand_in_order_and_noise_alone_is_left_out() -> None:

@@ -101,11 +101,11 @@ def test_nothing_found_says_of_how_many_effects() -> None:
     unseen = [judged("lag", "x", "not_measurable"), judged("lag", "z", "not_measurable")]
     quiet = levels((0.0, 1.0))
     assert nothing_found([*seen, *unseen], quiet) == (
-        "Nothing found of 2 effects (1 more this recording cannot show): what is left over is noise."
-    )
-    assert nothing_found(seen[:1], quiet) == "Nothing found of 1 effect: what is left over is noise."
+        "Nothing found of 2 effects; 1 this recording cannot show."
+    )  # an effect that it cannot show may act: that noise alone is left over would deny it
+    assert nothing_found(seen[:1], quiet) == "Nothing found of 1 effect."
     assert nothing_found(seen, levels((1.37, 0.05))) == (
-        "Nothing found of 2 effects, but more than noise is left over: an excess of 1.370 ± 0.050 dps on y."
+        "Nothing found of 2 effects. More than noise is left over: an excess of 1.370 ± 0.050 dps on y."
     )
 
 

@@ -47,3 +47,16 @@ def test_every_named_effect_is_in_the_sentence() -> None:
     assert told.startswith("Missing: a vibration's tone on z. ")
     assert told.endswith(" Also: centripetal acceleration or asymmetry of the scale on z.")
     assert "Also" not in verdict_text(Diagnosis("add", found[:1], None, comparison))
+
+
+def test_what_is_sure_comes_before_a_question() -> None:
+    """Beside a proven sensitivity to gravity, the headline asked for a measurement that the session has."""
+    library = effects()
+    pair = ["scale_asymmetry", "centripetal"]
+    found = [Candidate(library[name], "z", "add", group=pair) for name in pair]
+    found.append(Candidate(library["g_sensitivity"], "z", "add"))
+    comparison: Any = SimpleNamespace(fit=SimpleNamespace(session=SimpleNamespace(runs=())), where=[])
+    told = verdict_text(Diagnosis("ambiguous", found, None, comparison))
+    assert told.startswith("Missing: sensitivity to gravity and acceleration on z. ")
+    assert told.endswith(" Also: centripetal acceleration or asymmetry of the scale on z.")
+    assert verdict_text(Diagnosis("ambiguous", found[:2], None, comparison)).startswith("One of ")

@@ -22,6 +22,15 @@ UNREACHED = """() => [...document.querySelectorAll('.content *')].filter(e =>
     && e.tabIndex < 0 && !e.querySelector('button, a, input, select, [tabindex="0"]')).map(e => e.outerHTML.slice(0, 200))"""
 
 
+SMALL = """() => [...document.querySelectorAll('button, summary, a, [role=button], [role=checkbox], [role=radio], input')]
+    .filter(e => e.checkVisibility({visibilityProperty: true, opacityProperty: true}))
+    .filter(e => !e.closest('.unseen, .skip, .q-uploader'))
+    .filter(e => Math.min(e.getBoundingClientRect().width, e.getBoundingClientRect().height) < 23.5
+        && !(e.closest('.q-field') && e.closest('.q-field').getBoundingClientRect().height >= 24))
+    .map(e => [e.outerHTML.slice(0, 120), e.getBoundingClientRect().width, e.getBoundingClientRect().height])"""
+"""What is pressed and is smaller than 24 px; a field is pressed as a whole."""
+
+
 @pytest.fixture(scope="module")
 def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("access")
@@ -59,6 +68,7 @@ def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
         assert page.locator("h1").count() == 1, name
         assert page.evaluate(UNNAMED) == [], name
         assert page.evaluate(UNREACHED) == [], name
+        assert page.evaluate(SMALL) == [], name
         page.evaluate(source)
         found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html.slice(0, 150))]))")
         assert found == [], name

@@ -14,6 +14,7 @@ import pytest
 from gyrocal.device.outlet import TcpOutlet
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.web.coach import ANSWER_HZ, FLIP_HZ, advice, aim, answer, words
+from gyrocal.web.panels.live import sample_rate
 
 from .test_charts import CHART, able, downloaded
 
@@ -174,3 +175,12 @@ def obeys(page: Any, board: Board) -> None:
     page.wait_for_function(f"() => {y}.join() === '-90,-70'")
     page.get_by_role("button", name="Automatic").click()
     page.wait_for_function(f"() => {y}.join() !== '-90,-70'")
+
+
+def test_a_fast_replay_tells_the_rate_of_its_own_time() -> None:
+    """At speed 4 a sensor of 145 Hz had "580 samples a second"."""
+    sensor = {"rate_hz": 580.4, "hello": {"rate_hz": "145"}}
+    assert sample_rate(sensor, replays=True) == "145 samples a second of its own time, which runs 4.0 times as fast"
+    assert sample_rate(sensor, replays=False) == "580 samples a second"
+    assert sample_rate({"rate_hz": 144.6, "hello": {"rate_hz": "145"}}, replays=True) == "145 samples a second"
+    assert sample_rate({}, replays=True) == "0 samples a second"

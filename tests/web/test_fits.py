@@ -43,7 +43,7 @@ def test_a_phone_shows_every_name_of_the_calibration_error(served: Any, look: Ca
     """Four names scrolled in one line, and the last could be read only by pressing an arrow."""
     page = look(f"{served.url}diagnose?session=ripple")
     page.get_by_role("button", name="Find what is missing").click()
-    page.get_by_role("button", name="Add").first.click()
+    page.get_by_role("button", name="Add to the model").first.click()
     page.set_viewport_size({"width": 390, "height": 844})
     chart = page.locator(CHART)
     chart.wait_for()

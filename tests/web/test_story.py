@@ -100,7 +100,8 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     card.get_by_role("button", name="Add to the model").click()
     page.get_by_text("The model is adequate: what is left over is noise.").wait_for()
     assert shown_excess(page) == [before, after]
-    assert page.get_by_text(f"The excess error within power cycles went from {before} to {after} mdps.").is_visible()
+    told = f"The excess error within power cycles, rms over x, y and z, went from {before} to {after} mdps."
+    assert page.get_by_text(told).is_visible()
     in_all = " → ".join(mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
     floor = mdps(added["after"]["floor_dps"], 2)
     told = f"With what differs between power cycles, offset and scale: {in_all} mdps over a floor of {floor} mdps."
@@ -122,12 +123,17 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
 
 
 def compares(page: Any, compared: dict[str, Any]) -> None:
-    """The first page shows the figures of ``compare``, and the residual against the table's angle on request."""
+    """The first page shows the figures of ``compare`` that the bars of Diagnose show: of few power cycles those within them.
+
+    The residual stands against the table's angle on request.
+    """
     page.get_by_text("The model does not fit.").wait_for()
-    excess_se = 1e3 * compared["excess_se_dps"]
-    told = [plus_minus(1e3 * compared[name], excess_se) for name in ("rms_dps", "floor_dps", "excess_dps")]
-    assert figures(page) == [text.split(" ± ")[0] for text in told]
-    sure = told[0].split(" ± ")[1]
+    told, sure = plus_minus(1e3 * compared["excess_within_dps"], 1e3 * compared["excess_within_se_dps"]).split(" ± ")
+    error, floor, excess = figures(page)
+    assert excess == told
+    assert float(error) ** 2 - float(floor) ** 2 == pytest.approx(float(excess) ** 2, rel=0.02)
+    in_all = mdps(compared["excess_dps"], 2)
+    assert page.get_by_text(f"With what differs between power cycles, offset and scale: {in_all} mdps").is_visible()
     names = page.locator(".figure .nicegui-label, .figure div").all_inner_texts()
     assert [n for n in names if "," in n][:3] == ["error, mdps rms", "noise floor, mdps", f"excess ± {sure}, mdps"]
     assert page.locator(".per-axis").inner_text().startswith("excess by axis, mdps: x ")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,11 @@ from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.bench import Bench
 from gyrocal.web.doubt import _not_enough
-from gyrocal.web.fall import Fall, fall
+from gyrocal.web.fall import Counted, Fall, fall
 from gyrocal.web.hero import left_now, of_each_run
-from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
+from gyrocal.web.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
 from gyrocal.web.opened import Opened
+from gyrocal.web.panels.compare import _counted
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains, symbols
@@ -39,7 +40,8 @@ def test_a_doubt_does_not_contradict_the_part_that_is_explained() -> None:
 
 def test_a_fall_by_nothing_is_told_as_nothing() -> None:
     level = Level(0.1, 0.05, 0.09, 0.001, 0.09)
-    told = {part: Fall([], level, level, part, within=False, alone=level).part_told for part in (None, -1e-6, 0.5, -0.2)}
+    one = Counted(level, {"z": level})
+    told = {part: Fall([], level, level, part, within=False, alone=one, now=one).part_told for part in (None, -1e-6, 0.5, -0.2)}
     assert told == {
         None: "", -1e-6: "nothing of its square explained", 0.5: "50.0% of its square explained",
         -0.2: "its square grew by 20.0%",
@@ -81,7 +83,7 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     """The excess is that of the planted wave, before it is added as after; the bars are the figures of `gyrocal add --json`."""
     bench, recording, view, _ = ripple
     alone = fall([("model at first", view.levels)])
-    tried = bench.add(recording, "default", "table_ripple", "Ripple", silent)
+    tried = bench.add(recording, "default", "table_ripple", "Ripple", {}, silent)
     before, after = tried.before, tried.view
     assert after is not None
     both = fall([("model at first", view.levels), ("ripple", after.levels)])
@@ -98,6 +100,35 @@ def test_the_floor_does_not_swallow_a_wave_and_before_stays(
     assert 1e3 * both.last.floor_dps == pytest.approx(1e3 * after.compared["floor_dps"])
     assert "within power cycles" in both.sentence
     assert f"{1e3 * before['excess_dps']:.2f} → {1e3 * after.compared['excess_dps']:.2f} mdps" in both.in_all
+    # Compare counts as the bars do; it gave the excess with what differs between two power cycles, which is another figure
+    for shown, shown_of in ((view, alone), (after, both)):
+        unit, (*of_axes, (_, rms, floor, excess, _)) = _counted(shown, shown_of)
+        assert (unit, float(excess)) == ("mdps", pytest.approx(shown_of.bars[-1].after, abs=0.06))
+        assert float(rms) ** 2 - float(floor) ** 2 == pytest.approx(float(excess) ** 2, abs=15)
+        power = sum(float(of[3]) ** 2 for of in of_axes) / 3
+        assert power == pytest.approx(float(excess) ** 2, abs=3), "a mean of three axes"
+    assert alone.now.of_axes["z"].excess_dps == pytest.approx(view.compared["per_axis"]["z"]["excess_within_dps"])
+    assert "mdps rms over x, y and z, on unseen recordings" in both.counted
+    assert "rms over x, y and z, went from" in both.sentence
+
+
+def test_all_that_is_certain_is_added_at_once_with_its_evidence(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    bench, recording, *_ = ripple
+    found = bench.explain(recording, "default", {}, silent)
+    (made,) = found.made
+    assert (made.effects, made.title) == (("table_ripple",), "Ripple of the table's speed")
+    (card,) = made.cards
+    assert card.picture is not None
+    assert card.doubts == []
+    assert made.view.compared["verdict"] == "adequate"
+    assert found.found.verdict == "adequate"
+    assert card.halves, "the two halves of a run show a ripple"
+    for of in card.halves:
+        assert all(abs(size - 1) < max(4 * se, 0.05) for size, se in zip(of.sizes, of.se, strict=True))
+    shown = KEPT.validate_python(json.loads(json.dumps(asdict(Recipe("x", "table_ripple", cards=(card,), proves=("drift",))))))
+    assert shown.cards == (card,)  # it comes back with the session
 
 
 def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
@@ -111,7 +142,7 @@ def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     left, curve, se = (np.array(v) for v in (shown.left, shown.curve, shown.se))
     assert np.ptp(curve) / 2 == pytest.approx(1e3 * AMPLITUDE_DPS, rel=0.1)
     assert np.mean(np.abs(left - curve) < 2 * se) > 0.8  # the band is where the means lie
-    after = bench.add(recording, "default", "table_ripple", "Ripple", silent).view
+    after = bench.add(recording, "default", "table_ripple", "Ripple", {}, silent).view
     assert after is not None
     traces = Traces(bench.opened.open(recording.path, silent))
     traces.take(after)
@@ -285,10 +316,10 @@ def test_what_is_tried_has_its_size_and_what_is_not_found_its_limit(
 ) -> None:
     """A refusal named the effect by its id; of what was added no size was told, and of what was not found no limit."""
     bench, recording, _, found = ripple
-    clipped = bench.add(recording, "default", "saturation", "Clipping at full scale", silent)
+    clipped = bench.add(recording, "default", "saturation", "Clipping at full scale", {}, silent)
     assert clipped.view is None
     assert clipped.refused.startswith("Clipping at full scale was not added: this session does not show it")
-    tried = bench.add(recording, "default", "g_sensitivity", "Sensitivity to gravity and acceleration", silent)
+    tried = bench.add(recording, "default", "g_sensitivity", "Sensitivity to gravity and acceleration", {}, silent)
     assert tried.view is not None
     (axis,) = tried.view.sizes["g_sensitivity"]
     assert re.fullmatch(r"gz_dps_per_g -?[\d.e-]+ ± [\d.e-]+ dps/g", tried.view.sizes["g_sensitivity"][axis])

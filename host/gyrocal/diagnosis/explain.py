@@ -1,9 +1,11 @@
 """Explain a session: diagnose it, add what is certain, and repeat until nothing is left or nothing is certain.
 
-Each step starts from the diagnosis of the model so far. The first candidate with decision ``add`` leads. Effects whose signals
-overlap with its signal, including those that an earlier step added, are compared as sets (:mod:`gyrocal.diagnosis.sets`). What
-every equally good set contains is added. What only some of them contain stays open, with the measurement that decides. A step
-is taken back if it decreases neither the held-out excess of all axes nor the held-out error of one of its own.
+Each step starts from the diagnosis of the model so far. The first candidate with decision ``add`` leads. One that is sure by
+itself comes before one of several that cannot be told apart, because they often can with the sure one in the model. Effects
+whose signals overlap with its signal, including those that an earlier step added, are compared as sets
+(:mod:`gyrocal.diagnosis.sets`). What every equally good set contains is added. What only some of them contain stays open, with
+the measurement that decides. A step is taken back if it decreases neither the held-out excess of all axes nor the held-out
+error of one of its own.
 """
 
 from __future__ import annotations
@@ -48,6 +50,8 @@ class Step:
     after: Comparison = field(repr=False)
     matters: bool = True
     within: bool = False
+    found: Diagnosis | None = field(default=None, repr=False)
+    """The diagnosis that the step was taken from."""
 
     @property
     def excess_before(self) -> float | None:
@@ -187,9 +191,9 @@ class _Plan:
 
 
 def _plans(diagnosis: Diagnosis, added: dict[str, list[str]], progress: Progress | None) -> Iterator[_Plan]:
-    """The plan of each axis, in the order of its leading candidate."""
+    """The plan of each axis, in the order of its leading candidate; one that is sure leads before one of several."""
     seen: set[str] = set()
-    for lead in diagnosis.candidates:
+    for lead in sorted(diagnosis.candidates, key=lambda c: not c.named):
         if lead.decision != "add" or lead.axis in seen:
             continue
         seen.add(lead.axis)
@@ -263,7 +267,7 @@ def _taken(
     if not falls:
         refused.add(key)
         return None
-    step = Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after, within=falls[0])
+    step = Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after, within=falls[0], found=last)
     return step, following
 
 

@@ -41,10 +41,11 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
     rows = [("its share", f"{100 * share:.0f} % of what it and a disturbance without a name describe together{enough}")]
     if same_p is None:
         return rows
-    parts = "early and late, slow and fast, in both directions, cold and warm"
+    parts = "in the first and the last half, slow and fast, in both directions, cold and warm"
     if same_p >= LEAST_SAME:
-        return [*rows, ("the same in parts", f"{parts}: p = {same_p:.2g}")]
-    return [*rows, ("not the same in parts", f"its size differs ({parts}; p = {same_p:.1g}): another cause may look like it")]
+        return [*rows, ("the same in parts", f"the same {parts}, as far as the recordings show (p = {same_p:.2g})")]
+    told = f"not the same {parts} (p = {same_p:.1g}): another cause may look like it"
+    return [*rows, ("not the same in parts", told)]
 
 
 def probability_rows(judged: Judged) -> list[tuple[str, str]]:
@@ -54,6 +55,15 @@ def probability_rows(judged: Judged) -> list[tuple[str, str]]:
     """
     stated = judged.get("probability")
     return [] if stated is None else [("probability", of_100(stated)), *checks(judged)]
+
+
+def sentence(judged: Judged) -> str:
+    """The probability of a candidate of ``gyrocal diagnose --json`` and its checks in one line; empty if it has none."""
+    rows = probability_rows(judged)
+    if not rows:
+        return ""
+    told = [text if name == "probability" else f"{name}: {text}" if name == "its share" else text for name, text in rows]
+    return f"{judged['effect']} on {judged['axis']}: {'; '.join(told)}."
 
 
 def set_rows(alternatives: Sequence[Judged], called: Callable[[str], str] = str) -> list[list[str]]:

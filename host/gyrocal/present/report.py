@@ -215,14 +215,17 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     if probability.set_rows(alternatives):
         table("What explains each axis together", list(probability.SETS), probability.set_rows(alternatives))
     stdout.print(verdict_text(d), style="bold")
+    for c in passed:
+        print_note(probability.sentence(c.to_json()) if c.decision == "add" else "")
     print_note(probability.left_over(alternatives))
     target = model if model and model.endswith(".toml") else "model.toml"
-    if d.verdict == "add" and d.best is not None and d.best.together:
-        stdout.print(f"{', '.join(d.best.together)} are certain only together")
+    best = sure(d) if d.verdict in ("add", "ambiguous") else None
+    if best is not None and best.together:
+        stdout.print(f"{', '.join(best.together)} are certain only together")
         stdout.print(f"next: gyrocal explain {session} --model {target}")
-    elif d.verdict == "add" and d.best is not None:
-        stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
-    if d.verdict == "ambiguous":
+    elif best is not None:
+        stdout.print(f"next: gyrocal add {best.effect.id} {session} --model {target}")
+    elif d.verdict == "ambiguous":
         stdout.print(f"next: gyrocal plan {session} --out plan.toml")
     if d.verdict == "unknown" and not unproven(d):
         stdout.print(
@@ -239,14 +242,17 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
 
 
 def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
-    """The diagnosis in one or two sentences; ``called`` gives the name of an effect from its id."""
-    best = d.best
+    """The diagnosis in one or two sentences; ``called`` gives the name of an effect from its id.
+
+    What is sure comes before a question: with it in the model, the question often has an answer.
+    """
+    best, one = d.best, sure(d)
     if d.verdict == "implausible":
         return BLOCKED
-    if d.verdict == "add" and best is not None:
-        named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id}
-        cause = first_sentence(best.effect.cause_in(d.comparison.fit.session.runs))
-        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}{_also(d, best)}"
+    if one is not None and d.verdict in ("add", "ambiguous"):
+        named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == one.effect.id}
+        cause = first_sentence(one.effect.cause_in(d.comparison.fit.session.runs))
+        return f"Missing: {one.effect.title.lower()} on {', '.join(sorted(named))}. {cause}{_also(d, one)}"
     if d.verdict == "ambiguous" and best is not None:
         group = ", ".join(map(called, best.group))
         return f"One of {group}; this session cannot tell which. To tell them apart: {best.next_measurement}."
@@ -260,6 +266,11 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else nothing_found(d.candidates, d.comparison.to_json())
+
+
+def sure(d: Diagnosis) -> Candidate | None:
+    """The first candidate that is sure by itself; None if there is none."""
+    return next((c for c in d.candidates if c.named), None)
 
 
 def _also(d: Diagnosis, best: Candidate) -> str:

@@ -39,14 +39,18 @@ def left_over(compared: Mapping[str, Any], fits: str, tried: str = "") -> str:
 
 
 def nothing_found(candidates: Iterable[Candidate], compared: Mapping[str, Any]) -> str:
-    """The sentence of a diagnosis that is adequate: how many effects were tried, and how many the recording cannot show."""
+    """The sentence of a diagnosis that is adequate: how many effects were tried, and how many the recording cannot show.
+
+    Noise alone is left over only as far as the recording shows; an effect that it cannot show may act all the same.
+    """
     judged: dict[str, bool] = {}
     for c in candidates:
         judged[c.effect.id] = judged.get(c.effect.id, False) or c.decision != "not_measurable"
     tried, unseen = sum(judged.values()), len(judged) - sum(judged.values())
-    cannot = f" ({unseen} more this recording cannot show)" if unseen else ""
+    cannot = f"; {unseen} this recording cannot show" if unseen else ""
     found = f"Nothing found of {tried} effect{'s' * (tried != 1)}{cannot}"
-    return left_over(compared, found, found)
+    excess = beyond_noise(compared)
+    return f"{found}. More than noise is left over: an excess of {excess}." if excess else f"{found}."
 
 
 def beyond_noise(compared: Mapping[str, Any]) -> str:

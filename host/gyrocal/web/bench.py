@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, cal
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.add import attempt, proven_on
+from gyrocal.diagnosis.explain import explain
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects.base import title_of
 from gyrocal.extras import lacking
 from gyrocal.inference import heldout
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
 from gyrocal.present import probability, report
@@ -26,13 +29,16 @@ from gyrocal.present.limits import limits
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
+from gyrocal.web.again import proven_now
 from gyrocal.web.against import panels
+from gyrocal.web.beside import as_shown
 from gyrocal.web.budget import of_answers
 from gyrocal.web.doubt import doubts, faster
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
 from gyrocal.web.opened import Opened
+from gyrocal.web.parts import halves
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.told import Change
@@ -41,14 +47,18 @@ from gyrocal.web.views import (
     CalibrationView,
     Card,
     DiagnosisView,
+    ExplainedView,
     ExportView,
     Holdable,
+    Made,
     ModelView,
     Picture,
     Recording,
 )
 
 Progress = Callable[[str], None]
+Doubted = Mapping[str, Sequence[str]]
+"""Ids of effects in the model that are not proven, with those that the session could not tell from them."""
 
 
 class Bench:
@@ -105,15 +115,32 @@ class Bench:
         self._last = (session, found.comparison)
         return _diagnosis_view(found)
 
-    def add(self, recording: Recording, model: str, effect: str, title: str, progress: Progress) -> Attempt:
-        """Add an effect, which is called ``title`` where it is refused."""
+    def add(
+        self, recording: Recording, model: str, effect: str, title: str, doubted: Doubted, progress: Progress
+    ) -> Attempt:
+        """Add an effect, which is called ``title`` where it is refused, and test again what is ``doubted``."""
         (before, after, _), judged = attempt(self.opened.session(recording), self._model(model), effect, progress=progress)
         proven = proven_on(judged)
         excluded = [f"on {a}, {told}" for a, c in judged.items() if a not in proven and (told := limits(c))]
         if before.note:
             reason = before.note.partition(" was not added: ")[2]
             return Attempt(before.to_json(), None, f"{title} was not added: {reason}.", excluded)
-        return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded)
+        progress("testing again what was not proven")
+        proves = tuple(proven_now(after, doubted))
+        return Attempt(before.to_json(), self._view(recording, after, progress), "", excluded, proves)
+
+    def explain(self, recording: Recording, model: str, doubted: Doubted, progress: Progress) -> ExplainedView:
+        """Add every missing effect that is certain, step by step, diagnose what is left, and test again what is ``doubted``."""
+        session = self.opened.session(recording)
+        found = explain(session, self._model(model), progress=progress)
+        made = []
+        for step in found.steps:
+            named = [c for c in (step.found.candidates if step.found else ()) if c.effect.id in step.effects]
+            cards = _cards(step.found, [c for c in named if c.axis in step.axes]) if step.found else []
+            title = " and ".join(title_of(i) for i in step.effects)
+            made.append(Made(step.effects, title, tuple(cards), self._view(recording, step.after, progress)))
+        self._last = (session, found.last.comparison)
+        return ExplainedView(made, _diagnosis_view(found.last), tuple(proven_now(found.last.comparison, doubted)))
 
     def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""
@@ -248,6 +275,15 @@ def _sizes(model: Model) -> dict[str, dict[str, str]]:
 
 
 def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
+    alternatives = [a.to_json() for a in found.alternatives]
+    return DiagnosisView(
+        found.verdict, report.verdict_text(found, _title), _cards(found, as_shown(found)), found.unknown,
+        probability.set_rows(alternatives, _title), probability.left_over(alternatives),
+    )  # fmt: skip
+
+
+def _cards(found: Diagnosis, candidates: Sequence[Candidate]) -> list[Card]:
+    """The cards of some candidates of a diagnosis, with pictures of what it names or suggests."""
     fit = found.comparison.fit
     means: dict[tuple[int, int], Array] = {}
     blocks = {b.run.index: b for b in fit.blocks}
@@ -255,21 +291,19 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
         means[p.run.index, p.axis] = blocks[p.run.index].mean(p.residual_dps[:, None])[:, 0]
     drawn = points(fit.blocks, means)
     few = found.comparison.cycles < POLICY.few_cycles
-    cards = [
-        Card(
+    cards = []
+    for c in candidates:
+        signal = _signal(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None
+        others = [o for o in candidates if o.axis == c.axis and o.named and not o.together] if c.decision == "suggest" else []
+        left = _without(others, found.comparison, drawn, c.axis)
+        cards.append(Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
-            [title_of(i) for i in c.group if i != c.effect.id], _size(c),
-            doubts(c, found.comparison, found.candidates), few,
-            _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
+            [title_of(i) for i in c.group if i != c.effect.id], _size(c), doubts(c, found.comparison, candidates), few,
+            None if signal is None else _picture(c, signal, fit, left, others),
             not c.effect.fast and faster(found.comparison, c.axis), limits(c) if c.decision == "reject" else "",
-        )
-        for c in found.candidates
-    ]  # fmt: skip
-    alternatives = [a.to_json() for a in found.alternatives]
-    return DiagnosisView(
-        found.verdict, report.verdict_text(found, _title), cards, found.unknown, probability.set_rows(alternatives, _title),
-        probability.left_over(alternatives),
-    )  # fmt: skip
+            [] if signal is None or c.effect.fast else halves(c.axis, signal, left),
+        ))  # fmt: skip
+    return cards
 
 
 def _title(effect_id: str) -> str:
@@ -284,13 +318,26 @@ def _size(c: Candidate) -> str:
     return f"{size}; without {' and '.join(without)}" if without else size
 
 
-def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture | None:
-    blocks = found.fit.blocks
-    samples = np.concatenate([b.n for b in blocks])
+def _signal(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Array | None:
+    """The fitted effect in block means [blocks], deg/s; None if it has none, or if the axis has no residual."""
+    samples = np.concatenate([b.n for b in found.fit.blocks])
     if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
-    files = {b.run.index: b.run.file for b in blocks}
-    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against, c.effect.equation)
+    return np.asarray(c.signal / np.sqrt(samples))
+
+
+def _without(named: Sequence[Candidate], found: Comparison, drawn: dict[str, Any], axis: str) -> dict[str, Any]:
+    """The points of an axis without the signals of what is named there: the residual that a hint was judged on."""
+    signals = [s for c in named if (s := _signal(c, found, drawn)) is not None]
+    return {**drawn, axis: drawn[axis] - sum(map(np.nan_to_num, signals))} if signals else drawn
+
+
+def _picture(
+    c: Candidate, signal: Array, fit: Fit, drawn: dict[str, Any], named: Sequence[Candidate]
+) -> Picture | None:  # fmt: skip
+    files = {b.run.index: b.run.file for b in fit.blocks}
+    shown = picture(c.axis, signal, drawn, files, c.effect.shown_against, c.effect.equation)
+    return shown and replace(shown, beside=" and ".join(o.effect.title.lower() for o in named))
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

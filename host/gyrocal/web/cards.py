@@ -10,7 +10,7 @@ from nicegui import ui
 
 from gyrocal.web.models import Step
 from gyrocal.web.on_page import on_page
-from gyrocal.web.small_picture import signature_svg
+from gyrocal.web.small_picture import checks_svg, signature_svg
 from gyrocal.web.state import Workbench
 from gyrocal.web.views import Card, DiagnosisView, Picture
 from gyrocal.web.words import evidence, no_picture, symbols
@@ -63,6 +63,13 @@ def effect_card(
         if not drawn:
             ui.label(no_picture(first.equation)).classes("dim small")
         listed(evidence_of(cards))
+        for card in cards:
+            small = checks_svg((card.judged.get("checks") or {}).get("share"), card.halves)
+            if small:
+                where = f" on {card.judged['axis']}" * (len(cards) > 1)
+                told = f"Its checks{where}: the line is its size in all recordings, whiskers are two standard errors."
+                ui.label(told).classes("dim small")
+                ui.html(small, sanitize=False)
         with ui.row().classes("tight"):
             if not added:
                 act = partial(bench.add, first.judged["effect"], first.title)

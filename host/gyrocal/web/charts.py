@@ -288,15 +288,12 @@ def hero(
     names = [LEFT, AFTER if added else EFFECT, WITHIN_SE]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     through = through if shown.few else strokes(through, 2 * half, alone=True)
-    dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     dashes = DASH if shown.few else {}
-    single = [[round(x, 6), round(y, 6)] for x, y in each]
-    own = [] if not single else [{
-        "type": "scatter", "name": "each recording", "data": single, "symbolSize": 5, "silent": True, **moved,
-        "itemStyle": {"color": p.dim, "opacity": 0.5}, "z": 1,
-    }]  # fmt: skip
+    own = [_dots("each recording", each, p.dim, 0.5, z=1, **moved)] if each else []
+    were = [(x, factor * y) for x, y in zip(shown.centres, shown.left, strict=True)] if added else []
     entries = [entry(names[0], "dots"), entry(names[1], "thick"), entry(names[2], "band", 0.35)]
     entries += [entry(s["name"], "dots", 0.5) for s in own]
+    entries += [{**entry(BEFORE, "dots"), "itemStyle": {"color": p.bad, "opacity": 0.6}}] if added else []
     ends: Options = {"min": shown.edges[0], "max": shown.edges[-1]}
     if shown.few:
         space = 1 if shown.marks else 0.1 * (shown.centres[-1] - shown.centres[0])  # the ticks begin at the end of the axis
@@ -307,25 +304,29 @@ def hero(
     return base(
         p, **moved,
         legend=legend(p, entries, left=54, right=12, type="plain", itemGap=8),
-        media=fitting(_headed(p, lines, 1 + bool(own), len(broken)), _headed(p, broken, len(entries))),
+        media=fitting(_headed(p, lines, 1 + bool(own or were), len(broken)), _headed(p, broken, len(entries))),
         tooltip=tooltip(p, [unit.name], unit_in(shown.x_label), shown.marks), toolbox=BOX, units=[unit.name],
         grid=grid(left=54, right=16, bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
         yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, interval=step, scale=False, label={":formatter": PLAIN}),
         series=[
             {**line(names[1], through, p.axes[shown.axis], style={"width": 0 if shown.few else 2.5}), **moved, **dashes},
-            {
-                "type": "scatter", "name": names[0], "data": dots, "symbolSize": 6, "itemStyle": {"color": p.ink},
-                "silent": True, **moved,
-            },
+            _dots(names[0], list(zip(shown.centres, left, strict=True)), p.ink, symbolSize=6, **moved),
             band(names[2], filled, p.axes[shown.axis], 0.25),
+            _dots(BEFORE, were, p.bad, 0.6, z=1, animation=False),
             *own,
         ],
     )  # fmt: skip
 
 
+def _dots(name: str, pairs: Sequence[tuple[float, float]], colour: str, opacity: float = 1.0, **more: Any) -> Options:
+    style = {"color": colour, "opacity": opacity}
+    data = [[round(x, 6), round(y, 6)] for x, y in pairs]
+    return {"type": "scatter", "name": name, "data": data, "symbolSize": 5, "silent": True, "itemStyle": style, **more}
+
+
 LEFT, EFFECT, WITHIN_SE = "left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"
-AFTER = "where the means should lie now"
+AFTER, BEFORE = "where the means should lie now", "before it was added"
 """Names in the legend of an effect's picture, on the page and in the report."""
 
 

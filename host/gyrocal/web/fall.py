@@ -7,7 +7,7 @@ explained part counts within them, so the bars do as well, and the picture and t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
@@ -43,6 +43,26 @@ class Levels:
         """The level of all axes together over the floor of another model."""
         return pooled(self.squares, richest.floors)
 
+    def within(self) -> Levels:
+        """The levels with the offset and scale of each power cycle removed from residuals and floors."""
+        squares = {axis: replace(s, all=s.within) for axis, s in self.squares.items()}
+        floors = {axis: replace(f, all=f.within, error=f.error_within) for axis, f in self.floors.items()}
+        return replace(self, squares=squares, floors=floors)
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A model's error as all figures of the page count it: of all axes together, and of each."""
+
+    level: Level
+    of_axes: dict[str, Level]
+
+    @staticmethod
+    def of(model: Levels, richest: Levels, *, within: bool) -> Counted:
+        """The error over the floor of the richest model, within power cycles or with what differs between them."""
+        own, floors = (model.within(), richest.within()) if within else (model, richest)
+        return Counted(own.over(floors), {axis: Level.of(s, floors.floors[axis]) for axis, s in own.squares.items()})
+
 
 def realised(before: Levels | None, after: Levels | None, axis: str) -> float | None:
     """The part of an axis's squared excess that a step has removed, over the later floor; None if it is not known."""
@@ -62,8 +82,10 @@ class Fall:
     part: float | None
     within: bool
     """True if the bars and the part count within power cycles."""
-    alone: Level
-    """The level of the first model over its own floor."""
+    alone: Counted
+    """The error of the first model over its own floor, which was told as long as it stood alone."""
+    now: Counted
+    """The error of the last model: its excess is the last bar's."""
 
     @property
     def unit(self) -> RateUnit:
@@ -75,14 +97,20 @@ class Fall:
         return self.unit.text(1e-3 * value_mdps, 2)
 
     @property
+    def over_axes(self) -> str:
+        """What a figure of all axes together is: a mean, which an error on one axis alone exceeds."""
+        *first, last = self.now.of_axes
+        return f"rms over {', '.join(first)} and {last}" if first else f"rms on {last}"
+
+    @property
     def _floor(self) -> str:
-        return f"{self.unit.text(self.last.floor_dps, 2)} {self.unit.name}"
+        return f"{self.unit.text(self.now.level.floor_dps, 2)} {self.unit.name}"
 
     @property
     def counted(self) -> str:
         """The way of counting, as a phrase."""
         whose = f" of the richest model, {self._floor}" if len(self.bars) > 1 else ""
-        how = f"{self.unit.name} rms on unseen recordings, beyond the noise floor{whose}"
+        how = f"{self.unit.name} {self.over_axes}, on unseen recordings, beyond the noise floor{whose}"
         few = f"counted within each power cycle, because there are fewer than {POLICY.few_cycles} of them"
         return f"{how}, {few}" if self.within else how
 
@@ -104,17 +132,17 @@ class Fall:
             return ""
         where = " within power cycles" if self.within else ""
         first, last = self.told(self.bars[0].after), self.told(self.bars[-1].after)
-        told = f"The excess error{where} went from {first} to {last} {self.unit.name}."
-        return f"{told} Both are over the noise floor of the richest model{self._before}."
+        told = f"The excess error{where}, {self.over_axes}, went from {first} to {last} {self.unit.name}."
+        return f"{told} Both are over the noise floor of the richest model.{self._before}"
 
     @property
     def _before(self) -> str:
-        """Why the first model's excess was another one as long as it stood alone, as a clause; empty if it was the same."""
-        before, now = self.alone.excess_dps, self.first.excess_dps
-        if self.within or before is None or now is None or before > MUCH * now:
+        """Why the first model's excess was another one as long as it stood alone, as a sentence; empty if it was the same."""
+        before, now = self.alone.level.excess_dps, 1e-3 * self.bars[0].after
+        if before is None or before > MUCH * now:
             return ""
-        floor, own = (self.unit.text(v, 2) for v in (self.alone.floor_dps, before))
-        return f"; that of the first model alone, {floor}, took part of the error for noise, so that its excess was {own}"
+        floor, own = (self.unit.text(v, 2) for v in (self.alone.level.floor_dps, before))
+        return f" The first model alone took part of this error for noise: its floor was {floor} and its excess {own}."
 
     @property
     def in_all(self) -> str:
@@ -124,7 +152,8 @@ class Fall:
         unit = self.unit
         figures = [unit.text(level.excess_dps, 2) for level in (self.first, self.last) if level.excess_dps is not None]
         shown = figures[0] if len(self.bars) < 2 else " → ".join(figures)
-        return f"With what differs between power cycles, offset and scale: {shown} {unit.name} over a floor of {self._floor}."
+        floor = f"{unit.text(self.last.floor_dps, 2)} {unit.name}"
+        return f"With what differs between power cycles, offset and scale: {shown} {unit.name} over a floor of {floor}."
 
 
 def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:
@@ -142,4 +171,6 @@ def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:
     befores = [0.0, *mdps]
     bars = [Bar(label, old, new) for (label, _), old, new in zip(known, befores, mdps, strict=False)]
     part = explained(over[0], over[-1], richest.cycles) if len(over) > 1 else None
-    return Fall(bars, over[0], over[-1], part, within, known[0][1].over(known[0][1]))
+    (_, start), (_, end) = known[0], known[-1]
+    alone, now = Counted.of(start, start, within=within), Counted.of(end, richest, within=within)
+    return Fall(bars, over[0], over[-1], part, within, alone, now)

@@ -102,13 +102,13 @@ class HeroView:
             bar = fall.bars[-1 if step is None else self.bench.steps.index(step)]
             how = " within power cycles" if fall.within else ""
             figures = f"{fall.told(bar.before)} → {fall.told(bar.after)}" if added else fall.told(bar.after)
-            lines.append(f"excess error{how} {figures} {fall.unit.name} rms, all axes")
-        return [*lines, where]
+            lines.append(f"excess error{how} {figures} {fall.unit.name} {fall.over_axes}")
+        return [*lines, where + f", without {shown.beside}" * bool(shown.beside)]
 
     def _show(
         self, shown: Picture, left: list[float], curve: list[float], words: list[str], *, added: bool = False
     ) -> None:  # fmt: skip
-        each = [] if self.bench.traces is None else of_each_run(shown, self.bench.traces.points)
+        each = [] if self.bench.traces is None or shown.beside else of_each_run(shown, self.bench.traces.points)
         options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words, each, added=added)
         self.image.props(f"aria-label={charts.words(words)}")
         fresh = "false" if shown == self._drawn else "true"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,9 @@ from gyrocal.errors import InputError
 from gyrocal.web.recorded import Recorded, recorded
 
 if TYPE_CHECKING:
+    from gyrocal.recording.cut import Cut
     from gyrocal.recording.importer import Imported
+    from gyrocal.recording.steady import Stretch
 
 KINDS = (".csv", ".txt", ".tsv", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
 """Endings of the files that are offered; what a file holds decides how it is read."""
@@ -30,6 +32,14 @@ class Asked:
     sensor: str | None = None
     gravity: bool = False
     """True if the sensor was turned by hand between rests, so that no rate is known."""
+    turn_deg: float | None = None
+    """The run's known net angle."""
+    cuts: tuple[Cut, ...] = ()
+    """The runs to take out of the file; empty: the whole file is one."""
+    reference: Path | None = None
+    """A second file that holds the true rates, angles or orientations."""
+    own_clock: bool = False
+    """True if another clock than the sensor's stamped the reference."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +54,10 @@ class Looked:
     warnings: list[dict[str, Any]] = field(default_factory=list)
     recorded: Recorded | None = None
     """The columns over time; None with a problem."""
+    stretches: list[Stretch] = field(default_factory=list)
+    """Stretches of even rate, which may be the runs of the file; none if it holds one rate, or its true rate."""
+    of_reference: list[tuple[str, str]] = field(default_factory=list)
+    """The mappings of the second file, with their reasons."""
 
 
 def look(file: Path, asked: Asked) -> Looked:
@@ -64,7 +78,7 @@ def look(file: Path, asked: Asked) -> Looked:
             maps = [(g.map, g.why) for g in guess(source, Scaling(asked.sample_rate_hz, asked.lsb_dps))]
         found = _read(file, asked)
     except InputError as error:
-        return Looked(columns, maps, str(error))
+        return Looked(columns, maps, str(error), stretches=_stretches(file, asked))
     session = found.session
     seconds = sum(run.duration_s for run in session.runs)
     samples = sum(len(run) for run in session.runs)
@@ -73,7 +87,22 @@ def look(file: Path, asked: Asked) -> Looked:
     if found.repaired:
         told += "; repaired: " + ", ".join(f"{count} {what}" for what, count in found.repaired.items())
     warnings = [w.to_json() for w in (*found.warnings, *check(session))]
-    return Looked(columns, maps, "", told, warnings, recorded(session))
+    of_reference = [(g.map, g.why) for g in found.guessed if g.option == "--ref-map"]
+    of_file = _stretches(file, asked) if session.runs[0].table_rate_dps is not None else []
+    return Looked(columns, maps, "", told, warnings, recorded(session), of_file, of_reference)
+
+
+def _stretches(file: Path, asked: Asked) -> list[Stretch]:
+    """The stretches of even rate in the whole file, whatever was said of its rate; none if it cannot be read."""
+    from gyrocal.recording.steady import stretches
+
+    if asked.gravity or asked.reference is not None or asked.turn_deg is not None:
+        return []
+    try:
+        (run,) = _read(file, replace(asked, cuts=()), needs_rate=False).session.runs
+    except InputError:
+        return []
+    return stretches(run)
 
 
 def take(file: Path, asked: Asked, out: Path) -> None:
@@ -81,13 +110,17 @@ def take(file: Path, asked: Asked, out: Path) -> None:
     _read(file, asked).save(out)
 
 
-def _read(file: Path, asked: Asked) -> Imported:
+def _read(file: Path, asked: Asked, *, needs_rate: bool = True) -> Imported:
     from gyrocal.recording.column_map import Scaling
     from gyrocal.recording.import_options import Options
     from gyrocal.recording.importer import read_recording
+    from gyrocal.recording.second_file import SecondFile
 
-    facts = {"face": asked.face, "table_rate_dps": asked.table_rate_dps}
+    clock = "own" if asked.own_clock else "same"
+    second = None if asked.reference is None else SecondFile(asked.reference, (), clock)
+    facts = {"face": asked.face, "table_rate_dps": asked.table_rate_dps, "turn_deg": asked.turn_deg}
     return read_recording(file, Options(
         maps=asked.maps, defaults={key: value for key, value in facts.items() if value is not None}, axis=asked.axis,
         scaling=Scaling(asked.sample_rate_hz, asked.lsb_dps), sensor=asked.sensor, gravity=asked.gravity,
+        cuts=asked.cuts, second=second, clock=clock, needs_rate=needs_rate,
     ))  # fmt: skip

@@ -19,6 +19,8 @@ from typing import Any
 
 from gyrocal.errors import GyrocalError
 
+SEARCHES = ("diagnose", "add", "explain", "keep", "without", "hold")
+"""The jobs that diagnose or change the model."""
 NICE = 10
 """Niceness of the worker, so that the page and the serial port have priority."""
 

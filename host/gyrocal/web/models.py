@@ -40,6 +40,10 @@ class Recipe:
     """What the diagnosis of the model before it said of the effect, best first; empty if it did not name it."""
     limits: tuple[str, ...] = ()
     """The sizes that the session excludes on the axes where the effect, which was tried by hand, was not found, in words."""
+    also: tuple[str, ...] = ()
+    """The ids of effects that are certain only together with this one, and were added with it."""
+    proves: tuple[str, ...] = ()
+    """The ids of effects that were in doubt, and are proven with this one in the model."""
 
     @property
     def picture(self) -> Picture | None:
@@ -116,6 +120,24 @@ class Step:
             name, _, rest = self.recipe.held.partition(" of ")
             return f"{name} {'held' if ' held at ' in rest else 'fitted again'}"
         return f"without {self.title}" if self.removed else self.title
+
+
+def doubts_of(steps: Sequence[Step]) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """The title of each effect that the steps have added, and what speaks against it; a later step may have proven it."""
+    out: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for step in steps:
+        if step.removed:
+            out.pop(step.effect, None)
+        elif step.effect:
+            out[step.id] = (step.title, step.recipe.doubts)
+        out |= {id: (out[id][0], ()) for id in step.recipe.proves if id in out}
+    return out
+
+
+def doubted(steps: Sequence[Step]) -> dict[str, tuple[str, ...]]:
+    """The effects of the library that are in the model and in doubt, each with those that it could not be told from."""
+    groups = {step.effect: tuple(i for c in step.recipe.cards for i in c.judged["group"]) for step in steps if step.adds}
+    return {id: groups.get(id, ()) for id, (_, doubts) in doubts_of(steps).items() if doubts}
 
 
 def latest(steps: Sequence[Step]) -> Step | None:

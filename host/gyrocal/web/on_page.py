@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 
 FIELDS = (
-    (r"give --rate, --turn-deg, or map", "give the table rate (0 at rest), or map a column to"),
+    (r"give --rate, --turn-deg, or map", "give the table rate (0 at rest), a known turn or a second file, or map a column to"),
+    (r"--turn-deg", "the known turn"),
+    (r"--ref-clock own", "the tick that it has a clock of its own"),
+    (r"--reference", "the second file"),
     (r"; --rate 0 is a sensor that lay still", ""),
     (r"--rate 0", "table rate 0"),
     (r"--rate(?![\w-])", "the table rate"),

@@ -21,6 +21,7 @@ from gyrocal.web import answers, charts, scatter
 from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
+from gyrocal.web.small_picture import checks_svg
 from gyrocal.web.told import Change, in_doubt
 from gyrocal.web.views import CalibrationView, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -62,6 +63,7 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), stands_on=stands_on(compared),
         evidence=evidence, unseen=unseen, columns=columns, judged_by=judged_by(found), doubted=in_doubt(story),
+        checks_of=lambda card: checks_svg((card.judged.get("checks") or {}).get("share"), card.halves),
         drawn=lambda shown: pictures.png_data(effect_figure(shown)), **_answers(calibration),
     )  # fmt: skip
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gyrocal.errors import GyrocalError
-from gyrocal.web.jobs import Jobs
+from gyrocal.web.jobs import SEARCHES, Jobs
 from gyrocal.web.live import Live
-from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
+from gyrocal.web.models import BY_HAND, Models, Recipe, Step, doubted, read_models, write_models
 from gyrocal.web.on_page import on_page
 from gyrocal.web.places import Places
 from gyrocal.web.told import story
@@ -89,7 +89,7 @@ class Workbench:
     @property
     def searching(self) -> bool:
         """True while the model is diagnosed or changed. A request made now would concern the previous model."""
-        return self.jobs.current is not None and self.jobs.current.method in ("diagnose", "add", "keep", "without", "hold")
+        return self.jobs.current is not None and self.jobs.current.method in SEARCHES
 
     def network(self, axis: str) -> TrainedView | None:
         """The network that was trained for the current model."""
@@ -163,9 +163,12 @@ class Workbench:
         with self._telling():
             if self.session is not None and self.step is not None:
                 source = self.step.source
-                found = await self.jobs.run("Looking for what is missing", "diagnose", self.recording, source)
-                self._diagnoses[source] = found
-                self.changed("diagnosis")
+                self.found(source, await self.jobs.run("Looking for what is missing", "diagnose", self.recording, source))
+
+    def found(self, source: str, view: DiagnosisView) -> None:
+        """Show what the model of this source lacks as soon as it is the current one."""
+        self._diagnoses[source] = view
+        self.changed("diagnosis")
 
     async def add(self, effect: str, title: str, formula: str = "") -> str:
         """Add an effect (its id, or a formula) to the model. Undo removes it again. Returns why it was refused, if it was."""
@@ -173,13 +176,12 @@ class Workbench:
             if self.session is None or self.step is None:
                 return ""
             cards = () if self.diagnosis is None else self.diagnosis.of(effect)
-            asked = (self.recording, self.step.source, effect, title)
+            asked = (self.recording, self.step.source, effect, title, doubted(self.steps))
             found: Attempt = await self.jobs.run(f"Adding {title.lower()}", "add", *asked)
             if found.view is None:
                 return " ".join([found.refused, *(f"What it excludes: {told}." for told in found.limits)])
             self.before = found.before
-            doubts = cards[0].doubts if cards else (BY_HAND,)
-            kept = (tuple(doubts), "", cards, tuple(found.limits))
+            kept = (tuple(cards[0].doubts if cards else (BY_HAND,)), "", cards, tuple(found.limits), (), found.proves)
             await self.take(Step(Recipe(found.view.toml, effect, title, False, formula, *kept), found.view))
         return ""
 
@@ -352,12 +354,12 @@ class Workbench:
         self.undone.clear()
         await self._show_model()
 
-    async def take(self, step: Step) -> None:
-        """Go on with a new model."""
+    async def take(self, *steps: Step) -> None:
+        """Go on with new models, each of which follows from the one before."""
         with self._telling():
-            self.steps.append(step)
+            self.steps += steps
             self.undone.clear()
-            self._views[step.source] = step.view
+            self._views |= {step.source: step.view for step in steps}
             self._remember()
             await self._show_model()
 

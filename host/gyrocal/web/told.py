@@ -31,6 +31,10 @@ class Change:
     """The axes on which it was added, each with its fitted size in words."""
     limits: tuple[str, ...] = ()
     """What the session excludes of it, in words."""
+    also: tuple[str, ...] = ()
+    """The ids of effects that are certain only together with it, and were added with it."""
+    proves: tuple[str, ...] = ()
+    """The ids of effects that were in doubt before, and are proven with it in the model."""
 
     @property
     def by_hand(self) -> bool:
@@ -45,6 +49,8 @@ class Change:
             return f"# take the lines of {self.effect} out of model.toml"
         if self.formula:
             return f"gyrocal keep {session} --model model.toml --name {self.effect}"
+        if self.also:
+            return f"gyrocal explain {session} --model model.toml --max 1"
         return f"gyrocal add {self.effect} {session} --model model.toml"
 
 
@@ -65,7 +71,7 @@ def story(steps: Sequence[Step]) -> list[Change]:
         on = tuple(sorted(step.axes)) if step.adds else ()
         sizes = tuple(sorted(step.sizes.items())) if step.adds else ()
         made = (step.effect, step.title, step.removed, step.formula, recipe.doubts, its, recipe.held, on, sizes, recipe.limits)
-        changes.append(Change(*made))
+        changes.append(Change(*made, also=recipe.also, proves=recipe.proves))
     return changes
 
 
@@ -77,4 +83,6 @@ def in_doubt(changes: Sequence[Change]) -> str:
             doubted.pop(change.effect, None)
         elif change.doubts and not change.held:
             doubted[change.effect] = change.title
+        for effect in change.proves:
+            doubted.pop(effect, None)
     return f"Not proven: {', '.join(doubted.values())}." if doubted else ""

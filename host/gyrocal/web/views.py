@@ -141,6 +141,8 @@ class Picture:
     reach: tuple[float, float] = (0.0, 0.0)
     few: bool = False
     marks: dict[float, str] = field(default_factory=dict)
+    beside: str = ""
+    """The titles of the named effects without which the residual is drawn, as that of a hint beside them is."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,15 @@ class Signature:
     dots: list[tuple[float, float]]
     line: list[tuple[float, float]]
     few: bool
+
+
+@dataclass(frozen=True)
+class Halves:
+    """An effect's size in two halves of the recordings, as parts of its size in all of them, with standard errors."""
+
+    names: tuple[str, str]
+    sizes: tuple[float, float]
+    se: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -173,6 +184,8 @@ class Card:
     """True if the explained part is that of means, because the effect is slow and the axis has a faster error too."""
     limit: str = ""
     """The size that is excluded, in words, of an effect that was looked for and not found; empty if it is not known."""
+    halves: list[Halves] = field(default_factory=list)
+    """The effect's size in the halves of the recordings that show it."""
 
     @property
     def signature(self) -> Signature | None:
@@ -181,6 +194,7 @@ class Card:
         if shown is None:
             return None
         where = "all recordings" if shown.run is None else shown.file
+        where += f", without {shown.beside}" * bool(shown.beside)
         dots, line = (list(zip(shown.centres, y, strict=True)) for y in (shown.left, shown.curve))
         return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line, shown.few)
 
@@ -211,13 +225,34 @@ class Attempt:
     """An effect that was tried. ``view`` is the model with it, None if it was ``refused``, which says why.
 
     ``before`` is the comparison before it, over the richer model's floor, as ``gyrocal add --json`` gives it. ``limits`` are
-    the sizes that the session excludes on the axes where the effect is not proven, in words.
+    the sizes that the session excludes on the axes where the effect is not proven, in words. ``proves`` are the ids of effects
+    that were in doubt and are proven beside it.
     """
 
     before: dict[str, Any]
     view: ModelView | None
     refused: str
     limits: list[str]
+    proves: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Made:
+    """One step of an explanation: effects that were added together, with their cards and the model that has them."""
+
+    effects: tuple[str, ...]
+    title: str
+    cards: tuple[Card, ...]
+    view: ModelView
+
+
+@dataclass(frozen=True)
+class ExplainedView:
+    """Everything that was certain, step by step, the diagnosis of the last model, and what is proven beside it by now."""
+
+    made: list[Made]
+    found: DiagnosisView
+    proves: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from gyrocal.web.views import AXES, NOT_JUDGED, ModelView, Place, RunView
 from gyrocal.web.words import above_excess
 
 if TYPE_CHECKING:
+    from gyrocal.web.fall import Fall
     from gyrocal.web.page import Tab
 
 PANELS = {panel.name: panel for panel in panels()}
@@ -172,7 +173,8 @@ class ComparePanel:
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
             above = above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"])
-            _figures(view, tone, stands_on(view.compared) or high_floor(view.compared) or above, judged=judged)
+            above = stands_on(view.compared) or high_floor(view.compared) or above
+            _figures(view, self.bench.fall(), tone, above, judged=judged)
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
@@ -331,13 +333,27 @@ class ComparePanel:
         self.chart.run_chart_method("setOption", {"series": seen})
 
 
-def _figures(view: ModelView, tone: str, above: str, *, judged: bool) -> None:
-    """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis that is judged.
+def _counted(view: ModelView, fall: Fall | None) -> tuple[str, list[list[str]]]:
+    """The unit, and name, rms, floor, excess and its error of each axis and of all: the figures that the bars of Diagnose show.
+
+    They are those of ``gyrocal compare`` where nothing is held out, and for a session that is judged by angle.
+    """
+    if fall is None:
+        return view.unit, [row[:5] for row in view.rows]
+    named = [(row[0], fall.now.of_axes.get(row[0].partition(" ")[0])) for row in view.rows[:-1]]
+    levels = [*((name, level) for name, level in named if level is not None), (view.rows[-1][0], fall.now.level)]
+    return fall.unit.name, [
+        [name, *(fall.unit.text(x, 2, v.excess_se_dps) for x in (v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps))]
+        for name, v in levels
+    ]
+
+
+def _figures(view: ModelView, fall: Fall | None, tone: str, above: str, *, judged: bool) -> None:
+    """rms, floor and excess of all axes, and the excess of each axis that is judged.
 
     Where the session's axis is not ``judged``, the figures say so and have no colour of a verdict.
     """
-    *axes, (_, rms, floor, excess, excess_se, *_) = view.rows
-    unit = view.unit
+    unit, (*axes, (_, rms, floor, excess, excess_se)) = _counted(view, fall)
     sure = "" if excess_se == UNKNOWN else f" ± {excess_se}"
     with ui.element("div").style("margin-left: auto"):
         with ui.element("div").classes("figures").style("justify-content: flex-end"):
@@ -353,10 +369,13 @@ def _figures(view: ModelView, tone: str, above: str, *, judged: bool) -> None:
                 "dim small per-axis"
             )
         known = [
-            name if NOT_JUDGED in name else f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN
+            name if NOT_JUDGED in name else f"{name} {of} ± {error}" for name, _, _, of, error in axes if of != UNKNOWN
         ]
         told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
         ui.label(told).classes("dim small per-axis")
+        for text in ("", "") if fall is None else (f"Counted in {fall.counted}.", fall.in_all):
+            if text:
+                ui.label(text).classes("dim small counted")
         if above:
             ui.label(above).classes("dim small per-axis above")
 

@@ -12,11 +12,12 @@ from gyrocal.present.report import BLOCKED
 from gyrocal.present.verdict import left_over
 from gyrocal.web import charts, warned
 from gyrocal.web.cards import by_hand, effect_card, grouped, not_found, together
+from gyrocal.web.explain_all import explain_all
 from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.formula_card import formula_card
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
-from gyrocal.web.models import latest
+from gyrocal.web.models import doubts_of, latest
 from gyrocal.web.on_page import on_page
 from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
@@ -112,6 +113,8 @@ class DiagnosePanel:
             if self._in_doubt():
                 ui.label(f"Not proven: {', '.join(self._in_doubt())}.").classes("worry")
             with ui.row().style("margin-top: 8px"):
+                if not fits and judged:
+                    self._explain()
                 look = ui.button(
                     "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
                 )
@@ -129,6 +132,13 @@ class DiagnosePanel:
             ui.label(on_page(found.sentence)).classes("big").style("font-size: 16px")
             if found.verdict != "adequate":
                 self._held()
+            if any(card.judged["decision"] == "add" and not card.doubts for card in found.cards):
+                self._explain()
+
+    def _explain(self) -> None:
+        """The button that adds every effect that is certain, and looks again after each."""
+        button = ui.button("Add all that is certain", icon="playlist_add", color=None)
+        self.acts.append(button.props("outline no-caps").on_click(partial(explain_all, self.bench)))
 
     def _held(self) -> None:
         """The parameters that were held by hand, which may be what does not fit."""
@@ -156,17 +166,7 @@ class DiagnosePanel:
 
     def _in_doubt(self) -> list[str]:
         """Titles of the effects in the model that were not proven when they were added."""
-        return [title for title, doubts in self._doubts().values() if doubts]
-
-    def _doubts(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """The title of each effect that the steps have added, and what speaks against it."""
-        out: dict[str, tuple[str, tuple[str, ...]]] = {}
-        for step in self.bench.steps:
-            if step.removed:
-                out.pop(step.effect, None)
-            elif step.effect:
-                out[step.id] = (step.title, step.recipe.doubts)
-        return out
+        return [title for title, doubts in doubts_of(self.bench.steps).values() if doubts]
 
     # The model, the fall, the calibration.
 
@@ -178,7 +178,7 @@ class DiagnosePanel:
             return
         with self.model, ui.row().classes("tight"):
             ui.label("The model contains").classes("dim")
-            doubts = self._doubts()
+            doubts = doubts_of(self.bench.steps)
             for effect, title, removable in step.view.effects:
                 if removable:
                     doubted = effect in doubts and bool(doubts[effect][1])

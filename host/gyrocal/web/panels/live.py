@@ -193,7 +193,7 @@ class LivePanel:
             lost, bad = status["lost"], status["bad"]
             sensor = self.live.sensor(self.imu)
             missed = f", {sensor['missed']} not read in time" if sensor.get("missed") else ""
-            rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
+            rate = sample_rate(sensor, replays=bool(status.get("replays")))
             if status.get("replays") and not self.live.ended and sensor.get("state") in ("idle", "flip"):
                 rate += ", without readings until it turns"
             self.counts.text = f"{rate}, {lost} lost, {bad} damaged, {status['restarts']} restarts{missed}"
@@ -355,6 +355,22 @@ def _scenario(folder: Any, run: Wanted | None, by_hand: bool) -> str:
     if by_hand or (run is not None and not any(e.scenario == last and e.face == run.face for e in entries)):
         return last
     return f"s{len({e.scenario for e in entries}):03d}"
+
+
+FASTER = 1.3
+"""Times by which a replay must be faster than its own clock, so that it is told."""
+
+
+def sample_rate(sensor: dict[str, Any], *, replays: bool) -> str:
+    """How many samples a second arrive; a replay can send those of more seconds of its own time in each."""
+    arriving, own = float(sensor.get("rate_hz", 0.0)), (sensor.get("hello") or {}).get("rate_hz")
+    try:
+        nominal = float(own or 0.0)
+    except ValueError:
+        nominal = 0.0
+    if replays and nominal and arriving > FASTER * nominal:
+        return f"{nominal:g} samples a second of its own time, which runs {arriving / nominal:.1f} times as fast"
+    return f"{arriving:.0f} samples a second"
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
