@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, OneAxis, OwnEffects, SessionFolder, want_axis
 
 
 def run(
@@ -14,6 +14,7 @@ def run(
     model: Annotated[
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
     ] = None,
+    axis: OneAxis = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
@@ -35,15 +36,17 @@ def run(
         spans = None if seconds is None else [float(s) for s in seconds.split(",")]
     except ValueError:
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
+    want_axis(axis)
     methods = None if method is None else [m.strip() for m in method.split(",")]
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_calibration
 
-        show_calibration(opened, spans, methods, model, as_json)
+        show_calibration(opened, spans, methods, model, as_json, axis)
         return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
+    found = [e for e in found if axis in (None, e.axis)]
     warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
     if method is None and lacking("net") and any(e.method == "baseline" for e in found):
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
