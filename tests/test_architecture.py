@@ -18,7 +18,7 @@ LAYERS = [
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
     "plausibility", "evidence", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",
-    "calls", "api", "demo", "benchmark", "web", "json_schemas", "commands", "cli", "__main__",
+    "calls", "api", "ros_node", "demo", "benchmark", "web", "json_schemas", "commands", "cli", "__main__",
 ]  # fmt: skip
 DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
 """A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""
