@@ -60,8 +60,8 @@ def test_the_workbench_s_models_beside_a_session_open() -> None:
 def test_verbs_take_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = tmp_path / "session"
     shutil.copytree(FIRST / "session", session)
-    words = ["calibrate", str(session), "--seconds", "1", "--method", "baseline,model", "--model", str(FIRST / "model.toml"), "--json"]
-    assert main(words) == 0
+    words = ["--seconds", "1", "--method", "baseline,model", "--model", str(FIRST / "model.toml")]
+    assert main(["calibrate", str(session), *words, "--json"]) == 0
     estimates = json.loads(capsys.readouterr().out)["estimates"]
     assert {e["method"] for e in estimates} == {"baseline", "model"}
     assert all(e["scale"] is None or np.isfinite(e["scale"]) for e in estimates)

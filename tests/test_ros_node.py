@@ -138,7 +138,7 @@ def test_messages_are_corrected_by_the_model(ros: Ros, model: Model, tmp_path: P
 
 
 def test_this_power_cycle_s_bias_may_be_given(ros: Ros, model: Model, tmp_path: Path) -> None:
-    ros.parameters = {"model": str(tmp_path / "m.toml"), "bias_dps": [0.0, 0.0, 2.0]}
+    ros.parameters = {"model": str(tmp_path / "m.toml"), "bias_dps": [math.nan, 0.0, 2.0]}
     ros.play = [("imu/data_raw", raw())]
     ros_node.main([])
     assert ros.published[0][1].angular_velocity.z == pytest.approx(RAD * (80 - 2) / 1.01)

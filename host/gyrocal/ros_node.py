@@ -1,9 +1,8 @@
 """A ROS 2 node that corrects the IMU of a topic with a model: ``imu_calibrated``.
 
 It takes ``sensor_msgs/Imu`` from ``imu/data_raw`` and publishes it on ``imu/data_calibrated``: rates and, if the model has an
-accelerometer, accelerations without the sensor's errors, and the covariances of their white noise. A ``sensor_msgs/Temperature`` on
-``imu/temperature`` is the temperature of the samples after it. Parameters: ``model``, the model's file, and ``bias_dps``, this
-power cycle's bias about x, y and z (empty: the model's).
+accelerometer, accelerations without the sensor's errors, and the covariances of their white noise. A
+``sensor_msgs/Temperature`` on ``imu/temperature`` is the temperature of the samples after it. Parameters: ``model``, its file, and ``bias_dps``, this power cycle's bias about x, y and z (NaN: the model's).
 
 rclpy and sensor_msgs come with ROS 2 and with no extra of this package.
 """
@@ -23,15 +22,18 @@ RAW, CALIBRATED, TEMPERATURE = "imu/data_raw", "imu/data_calibrated", "imu/tempe
 G_M_S2 = 9.80665
 RAD = math.pi / 180
 QUEUE = 50
+OF_THE_MODEL = [math.nan] * 3
+"""No bias of a power cycle, with the type of three numbers that ROS infers from a default."""
 
 
 class Correction:
     """Corrects messages: ``sensor_msgs/Imu`` in, the same kind out."""
 
     def __init__(self, model: Model, bias_dps: list[float] | None = None) -> None:
-        if bias_dps and len(bias_dps) != len(AXES):
-            raise InputError(f"bias_dps has {len(bias_dps)} values; give three, about x, y and z, or none")
-        self.corrector = model.corrector(dict(zip(AXES, bias_dps, strict=True)) if bias_dps else None)
+        given = OF_THE_MODEL if bias_dps is None else bias_dps
+        if len(given) != len(AXES):
+            raise InputError(f"bias_dps has {len(given)} values; give three, about x, y and z, NaN where the model's is to be")
+        self.corrector = model.corrector({a: b for a, b in zip(AXES, given, strict=True) if not math.isnan(b)})
         self.accelerometer = model.accelerometer
         self.temp_c = math.nan
         white_dps = [model.noise_on(axis).white_sd_dps for axis in AXES]
@@ -82,7 +84,7 @@ def main(args: list[str] | None = None) -> None:
     node: Any = Node(NAME)
     try:
         file = node.declare_parameter("model", "").value
-        bias_dps = list(node.declare_parameter("bias_dps", [0.0][:0]).value or [])
+        bias_dps = list(node.declare_parameter("bias_dps", OF_THE_MODEL).value)
         if not file:
             raise SystemExit(f"{NAME}: name the model's file: --ros-args -p model:=model.toml")
         correction = Correction(Model.open(file), bias_dps)

@@ -23,7 +23,8 @@ def test_logs_of_autopilots(
     (tmp_path / name).write_bytes(content)
     model = tmp_path / "m.toml"
     model.write_text('format = "gyrocal-model/1"\neffects = [{ id = "bias", axis = "z", bias_dps = 0.5 }]\n')
-    more = {"import": [str(tmp_path / "out"), "--yes"], "apply": ["--model", str(model), "-o", str(tmp_path / "o.csv"), "--yes"]}
+    applied = ["--model", str(model), "-o", str(tmp_path / "o.csv"), "--yes"]
+    more = {"import": [str(tmp_path / "out"), "--yes"], "apply": applied}
     assert main([verb, str(tmp_path / name), *more.get(verb, [])]) == 2
     err = capsys.readouterr().err
     assert tool in err
