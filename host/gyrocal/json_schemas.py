@@ -8,7 +8,7 @@ in MAJOR where one was removed or changed.
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any, Literal, NotRequired, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, NotRequired, get_type_hints
 
 from pydantic import TypeAdapter
 from typing_extensions import TypedDict
@@ -36,8 +36,12 @@ def derived(kind: type, *without: str, **more: Any) -> Any:
     return TypedDict(f"{kind.__name__}Answer", {**named, **more})  # type: ignore[operator]
 
 
-EstimateAnswer = derived(Estimate, "budget", "taken", trusted=bool)
-AimAnswer = derived(Aim, met=bool)
+if TYPE_CHECKING:
+    EstimateAnswer = dict[str, Any]
+    AimAnswer = dict[str, Any]
+else:
+    EstimateAnswer = derived(Estimate, "budget", "taken", trusted=bool)
+    AimAnswer = derived(Aim, met=bool)
 
 
 class Warned(TypedDict):

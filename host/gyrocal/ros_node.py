@@ -2,7 +2,8 @@
 
 It takes ``sensor_msgs/Imu`` from ``imu/data_raw`` and publishes it on ``imu/data_calibrated``: rates and, if the model has an
 accelerometer, accelerations without the sensor's errors, and the covariances of their white noise. A
-``sensor_msgs/Temperature`` on ``imu/temperature`` is the temperature of the samples after it. Parameters: ``model``, its file, and ``bias_dps``, this power cycle's bias about x, y and z (NaN: the model's).
+``sensor_msgs/Temperature`` on ``imu/temperature`` is the temperature of the samples after it. Parameters: ``model``, its file,
+and ``bias_dps``, this power cycle's bias about x, y and z (NaN: the model's).
 
 rclpy and sensor_msgs come with ROS 2 and with no extra of this package.
 """

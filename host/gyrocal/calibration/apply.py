@@ -164,9 +164,9 @@ def _corrected(runs: tuple[Run, ...], model: Model, bias: str) -> tuple[list[Run
         out.append(replace(run, path=None, frame=run.table.with_columns(columns), lsb_dps=None))
         results.append(done)
         quantities.append(columns_of(run, done.rate_dps))
-    done = _summary(results, model, beyond(model, quantities))
+    summary = _summary(results, model, beyond(model, quantities))
     whole = model.accelerometer is not None and all(set(ACCELERATIONS) <= set(run.table.columns) for run in runs)
-    return out, replace(done, accelerometer=whole)
+    return out, replace(summary, accelerometer=whole)
 
 
 def _summary(results: list[Corrected], model: Model, found: Beyond) -> Applied:
