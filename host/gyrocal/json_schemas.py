@@ -16,6 +16,7 @@ from typing_extensions import TypedDict
 from gyrocal.calibration.calibrate import Estimate
 from gyrocal.device.run_writer import Recorded
 from gyrocal.errors import InputError, did_you_mean
+from gyrocal.fleet.history import Aging
 from gyrocal.fleet.missing import Missing
 from gyrocal.fleet.outliers import Outlier
 from gyrocal.fleet.trend import Trend
@@ -282,6 +283,27 @@ class Calibrate(Warned):
     movements: NotRequired[int]
 
 
+class HistorySession(TypedDict):
+    """A session of a history."""
+
+    session: str
+    made_on: str
+
+
+class HistoryBoard(TypedDict):
+    """One sensor over months."""
+
+    board: str
+    sessions: list[HistorySession]
+    parameters: list[Aging]
+
+
+class Histories(TypedDict):
+    """``calibrate --history``."""
+
+    boards: list[HistoryBoard]
+
+
 class Question(TypedDict):
     """What a plan answers."""
 
@@ -516,9 +538,9 @@ class Version(TypedDict):
     answers: dict[str, str]
 
 
-ANSWERS: dict[str, tuple[type, str]] = {
+ANSWERS: dict[str, tuple[Any, str]] = {
     "add": (Add, "1.0"), "allan": (Allan, "1.0"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
-    "calibrate": (Calibrate, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.0"), "device": (Device, "1.0"),
+    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.0"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"), "export": (Export, "1.0"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
     "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
