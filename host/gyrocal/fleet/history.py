@@ -2,8 +2,8 @@
 
 Each session is fitted by itself. A parameter is then a straight line over the dates, by generalised least squares: its errors
 are those of the sessions and a scatter between them, which is estimated by the weighted scatter about the line (the moment
-estimator of a random-effects regression). Where the slope is beyond its errors, the model has the line's value at the latest date, and else the
-mean of the sessions.
+estimator of a random-effects regression). Where the slope is beyond its errors, the model has the line's value at the latest
+date, and else the mean of the sessions.
 """
 
 from __future__ import annotations
