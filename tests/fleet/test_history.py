@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from scipy import stats
 
 from gyrocal.api import Model, Session
 from gyrocal.cli import main
@@ -17,34 +18,42 @@ DATES = ("2025-01-10", "2025-05-10", "2025-09-10", "2026-01-10")
 
 
 def test_a_line_through_values_with_equal_errors_is_that_of_least_squares() -> None:
-    years, y = np.array([-2.0, -1.2, -0.5, 0.0]), np.array([1.0, 2.1, 2.7, 3.4])
+    years, y = np.array([-4.0, -3.0, -2.0, -1.0, -0.5, 0.0]), np.array([-6.01, -4.02, -2.0, 0.02, 1.01, 1.99])
     slope, at_last = np.polyfit(years, y, 1)
-    found = line(years, y, np.full(4, 0.1))
+    found = line(years, y, np.full(6, 0.1))
     assert found.value == pytest.approx(at_last)
-    assert found[2] == pytest.approx(slope)
+    assert found.per_year == pytest.approx(slope)
     centred = years - years.mean()
-    assert found[3] == pytest.approx(0.1 / np.sqrt(centred @ centred))
-    assert found[5]
+    assert found.per_year_se == pytest.approx(stats.t.isf(stats.norm.sf(1), 4) * 0.1 / np.sqrt(centred @ centred))
+    assert found.scatter == 0, "they scatter by less than their errors"
+    assert found.ages
 
 
-def test_the_errors_hold_the_scatter_between_sessions() -> None:
-    """Without a slope: over many histories, the errors of the mean and of the slope are those that are stated."""
-    rng, z, false = np.random.default_rng(3), [], 0
-    years = np.array([-1.5, -1.1, -0.8, -0.4, -0.2, 0.0])
-    for _ in range(2000):
-        se = rng.uniform(0.5, 2.0, 6)
-        y = 5 + rng.normal(0, np.hypot(se, 1.5))
-        found = line(years, y, se)
-        z.append((found.value - 5) / found.se)
-        false += found[5]
-    assert 0.95 < np.std(z) < 1.25, "six sessions leave the scatter itself unsure"
-    assert false / 2000 < 0.05, f"{POLICY.ages_errors} errors"
+def test_two_sessions_cannot_tell_ageing_from_scatter() -> None:
+    found = line(np.array([-1.0, 0.0]), np.array([1.0, 9.0]), np.array([0.1, 0.1]))
+    assert found.per_year == pytest.approx(8)
+    assert not found.ages
+    assert found.scatter > 1
+
+
+@pytest.mark.parametrize("n", [3, 4, 6, 10])
+def test_the_errors_hold_the_scatter_between_sessions(n: int) -> None:
+    """Without a slope: over many histories, the mean lies within its error as often as it should, and slopes seldom count."""
+    rng, within, false = np.random.default_rng(3), 0, 0
+    years = np.sort(rng.uniform(-2, 0, n))
+    for _ in range(1000):
+        se = rng.uniform(0.5, 2.0, n)
+        found = line(years, 5 + rng.normal(0, np.hypot(se, 1.5)), se)
+        within += abs(found.value - 5) < found.se
+        false += found.ages
+    assert 0.62 < within / 1000 < 0.78
+    assert false / 1000 < 0.015, f"{POLICY.ages_errors} errors"
 
 
 def test_sessions_of_one_day_have_a_mean_and_no_slope() -> None:
     found = line(np.zeros(3), np.array([1.0, 2.0, 3.0]), np.full(3, 1.0))
     assert found.value == pytest.approx(2)
-    assert found[2:4] == (None, None)
+    assert (found.per_year, found.per_year_se) == (None, None)
 
 
 def session_of(bias_dps: float, date: str, rng: np.random.Generator, board: str = "SN7") -> Session:

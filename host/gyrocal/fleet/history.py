@@ -2,8 +2,8 @@
 
 Each session is fitted by itself. A parameter is then a straight line over the dates, by generalised least squares: its errors
 are those of the sessions and a scatter between them, which is estimated by the weighted scatter about the line (the moment
-estimator of a random-effects regression). Where the slope is beyond its errors, the model has the line's value at the latest
-date, and else the mean of the sessions.
+estimator of a random-effects regression), with the quantiles of Student's distribution, because few sessions tell it. Where the
+slope is beyond its errors, the model has the line's value at the latest date, and else the mean of the sessions.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import datetime
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -126,37 +126,54 @@ def _history(
     return History(board, dates, tuple(folder for *_, folder in found), tuple(aging), joined)
 
 
-class Line(tuple[float, float, float | None, float | None, float, bool]):
+class Line(NamedTuple):
     """Value and error at the latest date, slope a year and its error, scatter, and whether the slope counts."""
 
-    @property
-    def value(self) -> float:
-        """The value at the latest date."""
-        return self[0]
-
-    @property
-    def se(self) -> float:
-        """Its standard error."""
-        return self[1]
+    value: float
+    se: float
+    per_year: float | None
+    per_year_se: float | None
+    scatter: float
+    ages: bool
 
 
 def line(years: Array, y: Array, se: Array) -> Line:
-    """A straight line through values [n] with errors [n] at times before the latest date, years (zero and less)."""
+    """A straight line through values [n] with errors [n] at times before the latest date, years (zero and less).
+
+    Two sessions cannot tell ageing from scatter, so their slope never counts.
+    """
     sloped = np.column_stack([np.ones_like(years), years])
-    flat = sloped[:, :1]
+    mean = _random_effects(sloped[:, :1], y, se)
     if np.ptp(years) == 0:
-        theta, cov, scatter = _random_effects(flat, y, se)
-        return Line((float(theta[0]), float(np.sqrt(cov[0, 0])), None, None, scatter, False))
-    theta, cov, scatter = _random_effects(sloped, y, se)
-    slope, slope_se = float(theta[1]), float(np.sqrt(cov[1, 1]))
-    ages = abs(slope) > POLICY.ages_errors * slope_se
-    if not ages:
-        theta, cov, scatter = _random_effects(flat, y, se)
-    return Line((float(theta[0]), float(np.sqrt(cov[0, 0])), slope, slope_se, scatter, bool(ages)))
+        return Line(mean.theta[0], mean.se(0), None, None, mean.scatter, False)
+    found = _random_effects(sloped, y, se)
+    ages = abs(found.theta[1]) > found.limit(POLICY.ages_errors) * np.sqrt(found.cov[1, 1])
+    best = found if ages else mean
+    return Line(best.theta[0], best.se(0), found.theta[1], found.se(1), best.scatter, bool(ages))
 
 
-def _random_effects(x: Array, y: Array, se: Array) -> tuple[Array, Array, float]:
-    """Weighted least squares with a scatter between the values: estimate, covariance and the scatter.
+class _Fitted(NamedTuple):
+    """Estimate [p], covariance [p, p] and scatter, and how many values more than parameters there are."""
+
+    theta: list[float]
+    cov: Array
+    scatter: float
+    freedom: int
+
+    def limit(self, errors: float) -> float:
+        """As many errors of Student's distribution as are as improbable as these of the normal one."""
+        from scipy.stats import norm, t
+
+        return float(t.isf(norm.sf(errors), self.freedom)) if self.freedom > 0 else float("inf")
+
+    def se(self, k: int) -> float:
+        """The standard error of a parameter, wider where few sessions tell the scatter."""
+        wider = self.limit(1.0) if self.freedom > 0 else 1.0
+        return wider * float(np.sqrt(self.cov[k, k]))
+
+
+def _random_effects(x: Array, y: Array, se: Array) -> _Fitted:
+    """Weighted least squares with a scatter between the values.
 
     The scatter is the moment estimator: it makes chi-square its expectation.
     """
@@ -168,4 +185,4 @@ def _random_effects(x: Array, y: Array, se: Array) -> tuple[Array, Array, float]
     variance = max(0.0, (float(weight @ left**2) - freedom) / spent) if freedom > 0 and spent > 0 else 0.0
     weight = 1 / (se**2 + variance)
     cov = np.linalg.inv(x.T @ (weight[:, None] * x))
-    return cov @ (x.T @ (weight * y)), cov, float(np.sqrt(variance))
+    return _Fitted((cov @ (x.T @ (weight * y))).tolist(), cov, float(np.sqrt(variance)), freedom)
