@@ -8,7 +8,7 @@ PIP := $(BIN)/pip --disable-pip-version-check
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
-.PHONY: demo test quick docs parts coverage fuzz lowest wheel clean
+.PHONY: demo test quick docs parts coverage fuzz lowest wheel release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -52,6 +52,10 @@ wheel: $(VENV)/.installed-dev
 	$(PYTHON) -m venv .venv-wheel
 	.venv-wheel/bin/pip install --quiet -c constraints.txt "$$(echo dist/gyrocal-*.whl)[page,net]"
 	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
+
+# checks and builds what a release uploads (packaging/release.py); refuses while the project has no address
+release: $(VENV)/.installed-dev
+	$(BIN)/python packaging/release.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'

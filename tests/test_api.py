@@ -1,5 +1,6 @@
 """The Python interface: the README's lines, and what people expect of results in Python and in a notebook."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -266,3 +267,15 @@ def test_what_results_hold_shows_itself_in_a_line(results: dict[str, Any]) -> No
     shown = [results["Session"].runs[0], results["Diagnosis"].best, next(iter(results["Calibration"]))]
     assert [repr(one).split(":")[0] for one in shown] == ["<Run", "<Candidate", "<Estimate"]
     assert max(len(repr(one)) for one in shown) < 120
+
+
+def test_tables_become_those_of_pandas_without_pyarrow(results: dict[str, Any]) -> None:
+    assert "pyarrow" not in sys.modules
+    for name, result in results.items():
+        table, found = result.to_dataframe(), result.to_pandas()
+        assert list(found.columns) == table.columns, name
+        assert len(found) == table.height
+        for column in table.get_columns():
+            if column.dtype.is_float():
+                assert np.array_equal(found[column.name].to_numpy(), column.fill_null(float("nan")).to_numpy(), equal_nan=True)
+    assert "pyarrow" not in sys.modules

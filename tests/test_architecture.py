@@ -13,11 +13,12 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "units", "parameter", "extras", "threads", "tails", "warning", "files", "policy", "shown",
+    "__init__", "errors", "units", "parameter", "extras", "verbosity", "threads", "tails", "warning", "files", "policy",
+    "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
     "plausibility", "evidence", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",
-    "calls", "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
+    "calls", "api", "ros_node", "demo", "benchmark", "web", "json_schemas", "commands", "cli", "__main__",
 ]  # fmt: skip
 DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
 """A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""

@@ -64,6 +64,7 @@ CASES = {
     "record": Case(("record recorded --port PORT --follow --json",), ("recorded",)),
     "simulate": Case(("simulate new --scenarios 1 --seconds 4",), ("new", "new.truth.json")),
     "train": Case(("train s --epochs 1", "export --run runs/paper-0"), ("runs", "export")),
+    "schema": Case(("schema compare",)),
     "version": Case(("version",)),
     "verify": Case(("verify --windows 60",), (), CORE),
 }

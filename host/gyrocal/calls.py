@@ -99,7 +99,10 @@ def _compare_angles(session: Session, model: Model | str | Path | None = None, a
 @functools.wraps(_calibrate.calibrate)
 def calibrate(session: Session, *args: Any, **kwargs: Any) -> Calibration:
     if session.reference.kind == "gravity":
-        return Calibration(_gravity_calibration.calibrate(session, *args, **kwargs).estimates)
+        by_hand = _gravity_calibration.calibrate(session, *args, **kwargs)
+        found = Calibration(by_hand.estimates)
+        found.accelerometer = next(iter(by_hand.fits.values())).scene.accelerometer_model
+        return found
     return Calibration(_calibrate.calibrate(session, *args, **kwargs))
 
 

@@ -15,10 +15,10 @@ from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from gyrocal import __version__
+from gyrocal import __version__, verbosity
 from gyrocal.errors import GyrocalError, did_you_mean
 
 PACKAGE = "gyrocal.commands"
@@ -27,6 +27,11 @@ INTERRUPTED = 130
 ALIASES = {"correct": "apply", "fit": "calibrate", "gui": "workbench"}
 """Other names that people type for a verb."""
 HELP = {"help_option_names": ["-h", "--help"]}
+OUT = ("-o", "--out")
+ANYWHERE = {
+    "--debug": "debug", "-q": "quiet", "--quiet": "quiet", "-v": "verbose", "--verbose": "verbose",
+}  # fmt: skip
+"""Options of the whole program, which may stand before or behind the verb."""
 
 
 def command_modules() -> dict[str, str]:
@@ -49,6 +54,18 @@ def about(module: str) -> str:
     return " ".join((text or "").split("\n\n")[0].split())
 
 
+class Verb(TyperCommand):
+    """A command whose last argument, if that is OUT, may also be given as ``-o OUT`` or ``--out OUT``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """The arguments, with what follows ``-o`` moved to their end."""
+        argument = any(p.param_type_name == "argument" and p.name == "out" for p in self.params)
+        at = next((i for i, word in enumerate(args) if argument and word in OUT), None)
+        if at is not None and at + 1 < len(args):
+            args = [*args[:at], *args[at + 2 :], args[at + 1]]
+        return super().parse_args(ctx, args)
+
+
 class LazyGroup(TyperGroup):
     """A group that imports a command's file only when that command runs, so that ``gyrocal VERB`` starts fast."""
 
@@ -67,7 +84,7 @@ class LazyGroup(TyperGroup):
             return None
         run = importlib.import_module(modules[cmd_name]).run
         single = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings=HELP)
-        single.command(name=cmd_name, help=inspect.getdoc(run))(run)
+        single.command(name=cmd_name, cls=Verb, help=inspect.getdoc(run))(run)
         command = get_command(single)
         command.name = cmd_name
         return command
@@ -103,6 +120,10 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def root(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors, and what --json prints.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Say on stderr what is being done, with the seconds since the start.")
+    ] = False,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
@@ -116,14 +137,16 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
     ``started`` is called when the command's own file has been imported.
     """
     arguments = sys.argv[1:] if argv is None else argv
-    debug = "--debug" in arguments
-    arguments = [a for a in arguments if a != "--debug"]
+    asked = {ANYWHERE[a] for a in arguments if a in ANYWHERE}
+    debug = "debug" in asked
+    arguments = [a for a in arguments if a not in ANYWHERE]
     LazyGroup.started = staticmethod(started)
     try:
-        result = get_command(app).main(args=arguments, prog_name="gyrocal", standalone_mode=False)
-        if result == INTERRUPTED:
-            return _fail("stopped", 1)
-        sys.stdout.flush()
+        with verbosity.level(quiet="quiet" in asked, verbose="verbose" in asked, json="--json" in arguments):
+            result = get_command(app).main(args=arguments, prog_name="gyrocal", standalone_mode=False)
+            if result == INTERRUPTED:
+                raise KeyboardInterrupt
+            sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except GyrocalError as error:
         if debug:

@@ -32,7 +32,7 @@ def want(what: str, *extras: str) -> None:
 
 
 def needed(module: str, extra: str, what: str) -> Any:
-    """Import a module that comes with an extra. Raises InputError with the command that installs it if it is missing."""
+    """Import a module that comes with an extra, or with none (""). Raises InputError that says how to install it."""
     try:
         return importlib.import_module(module)
     except ImportError:
@@ -41,4 +41,5 @@ def needed(module: str, extra: str, what: str) -> Any:
 
 def _advice(what: str, packages: str, extras: str) -> str:
     are = "are" if "," in packages else "is"
-    return f"{what} needs {packages}, which {are} not installed: pip install 'gyrocal[{extras}]'"
+    install = f"'gyrocal[{extras}]'" if extras else packages
+    return f"{what} needs {packages}, which {are} not installed: pip install {install}"

@@ -10,7 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.extras import needed
+
 if TYPE_CHECKING:
+    import pandas as pd
     import polars as pl
     from matplotlib.figure import Figure
 
@@ -54,6 +57,14 @@ def exporter() -> Callable[..., Any]:
     return _export
 
 
+def pandas_of(table: pl.DataFrame) -> pd.DataFrame:
+    """A polars table as a pandas one. polars itself needs pyarrow for that, which is larger than all of gyrocal."""
+    pandas = needed("pandas", "", "to_pandas()")
+    columns = {c.name: c.to_list() if c.dtype.is_nested() else c.to_numpy() for c in table.get_columns()}
+    found: pd.DataFrame = pandas.DataFrame(columns)
+    return found
+
+
 class Shown:
     """A result with ``summary()``, ``to_dataframe()`` (polars) and ``plot()`` (matplotlib)."""
 
@@ -73,8 +84,12 @@ class Shown:
         return self._known_view().summary(self)
 
     def to_dataframe(self) -> pl.DataFrame:
-        """The result as a table; ``.to_pandas()`` converts it."""
+        """The result as a polars table."""
         return self._known_view().table(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The result as a pandas table, for which pandas is enough. Raises InputError where that is not installed."""
+        return pandas_of(self.to_dataframe())
 
     def plot(self) -> Figure:
         """The result as a picture; a notebook shows it, ``.savefig(path)`` writes it."""

@@ -18,6 +18,7 @@ import polars as pl
 
 from gyrocal.calibration.at_rest import biases_at_rest
 from gyrocal.calibration.beyond import Beyond, beyond, columns_of, warned
+from gyrocal.error_model.accelerometer import ACCELERATIONS
 from gyrocal.error_model.correction import RATES, Corrected, correct, run_of
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -49,12 +50,15 @@ class Applied:
     left: dict[str, str]
     outside: dict[str, int] = field(default_factory=dict)
     warnings: list[Warning] = field(default_factory=list)
+    accelerometer: bool = False
+    """True if the accelerations were corrected too."""
 
     def to_json(self) -> dict[str, Any]:
         return {
             "rows": self.rows, "applied": self.applied,
             "left": [{"effect": effect, "why": why} for effect, why in self.left.items()],
-            "outside": self.outside, "warnings": [warning.to_json() for warning in self.warnings],
+            "outside": self.outside, "accelerometer": self.accelerometer,
+            "warnings": [warning.to_json() for warning in self.warnings],
         }  # fmt: skip
 
 
@@ -156,10 +160,13 @@ def _corrected(runs: tuple[Run, ...], model: Model, bias: str) -> tuple[list[Run
     for run in runs:
         done = correct(model, run, known.of(run))
         columns = [pl.Series(name, done.rate_dps[:, i]) for i, name in enumerate(RATES)]
+        columns += [] if model.accelerometer is None else model.accelerometer.corrected(run.table)
         out.append(replace(run, path=None, frame=run.table.with_columns(columns), lsb_dps=None))
         results.append(done)
         quantities.append(columns_of(run, done.rate_dps))
-    return out, _summary(results, model, beyond(model, quantities))
+    summary = _summary(results, model, beyond(model, quantities))
+    whole = model.accelerometer is not None and all(set(ACCELERATIONS) <= set(run.table.columns) for run in runs)
+    return out, replace(summary, accelerometer=whole)
 
 
 def _summary(results: list[Corrected], model: Model, found: Beyond) -> Applied:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.calibration import header
-from gyrocal.calibration.targets.base import render
+from gyrocal.calibration.targets.base import Rendered, render
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
@@ -19,10 +19,11 @@ HEADER = "header"
 
 @dataclass(frozen=True)
 class Exported:
-    """The file that was written, and what its program cannot hold, with the reason by id."""
+    """The file that was written, what its program cannot hold, with the reason by id, and further files."""
 
     file: Path
     left: Mapping[str, str]
+    more: tuple[Path, ...] = ()
 
 
 def export(model: Model, out: str | Path, form: str = HEADER, *, axis: str = "z", **options: Any) -> Exported:
@@ -31,9 +32,11 @@ def export(model: Model, out: str | Path, form: str = HEADER, *, axis: str = "z"
     Args:
         model: a model with fitted values.
         out: the folder, which is made if it is not there.
-        form: ``header`` for the device's calibration.h, or c, kalibr, ros2, px4, ardupilot, json.
+        form: ``header`` for the device's calibration.h, or c, kalibr, ros2, px4, ardupilot, imu_tk, slam,
+            vqf, json.
         axis: the sensor's axis that calibration.h is for.
-        options: ``rate_hz``, ``device_id``, ``index`` and ``add_to`` of :func:`gyrocal.calibration.targets.base.render`.
+        options: ``rate_hz``, ``device_id``, ``index``, ``add_to`` and ``noise_factor`` of
+            :func:`gyrocal.calibration.targets.base.render`.
 
     Raises:
         InputError: an unknown form or axis, what the form needs and is not given, a model that it cannot hold, or a folder that
@@ -44,14 +47,14 @@ def export(model: Model, out: str | Path, form: str = HEADER, *, axis: str = "z"
     if form == HEADER:
         if options:
             raise InputError(f"{', '.join(options)}: not for --format {HEADER}; leave it out")
-        name, text, left = "calibration.h", header.render(model, axis), {}
+        rendered = Rendered("calibration.h", header.render(model, axis), {})
     else:
         rendered = render(form, model, **options)
-        name, text, left = rendered.file, rendered.text, dict(rendered.left)
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        replace_text(folder / name, text)
+        for name, text in rendered.files.items():
+            replace_text(folder / name, text)
     except OSError as error:
-        raise InputError(f"{folder / name}: {error.strerror}") from None
-    return Exported(folder / name, left)
+        raise InputError(f"{folder / rendered.file}: {error.strerror}") from None
+    return Exported(folder / rendered.file, dict(rendered.left), tuple(folder / name for name in rendered.more))

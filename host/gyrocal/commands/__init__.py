@@ -34,13 +34,27 @@ def _load(folder: Path | None) -> Path | None:
     return folder
 
 
-def _writable(model: Path) -> Path:
+def _writable(model: Path | None) -> Path | None:
     """Check the file name of a model to write: any name except those of the built-in models."""
     if str(model) in ("paper", "default"):
         from gyrocal.errors import InputError
 
         raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
     return model
+
+
+def existing(model: Path | None) -> Path | None:
+    """The model file to start from, or None for `default`."""
+    return model if model is not None and model.exists() else None
+
+
+def want_axis(axis: str | None) -> None:
+    """Raise InputError unless this is an axis, or no axis was given."""
+    from gyrocal.errors import InputError
+    from gyrocal.recording.session import AXES
+
+    if axis is not None and axis not in AXES:
+        raise InputError(f"--axis {axis}: want x, y or z")
 
 
 SessionFolder = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
@@ -50,7 +64,15 @@ ModelFile = Annotated[
         callback=_writable, help="The model file to which the effects are added. If there is none, it is made from `default`."
     ),
 ]  # fmt: skip
+KeptModel = Annotated[
+    Path | None,
+    typer.Option(
+        "--model", callback=_writable,
+        help="The model file that gains the effects; made from `default` if it is new. Without it nothing is kept."
+    ),
+]  # fmt: skip
 GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default, or a model file.")]
+OneAxis = Annotated[str | None, typer.Option("--axis", metavar="x|y|z", help="This axis alone.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 OwnEffects = Annotated[
     Path | None,

@@ -6,20 +6,21 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, KeptModel, OneAxis, OwnEffects, SessionFolder, existing, want_axis
 
 
 def run(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple, or [NAME:] FORMULA.")],
     session: SessionFolder,
-    model: ModelFile,
+    model: KeptModel = None,
+    axis: OneAxis = None,
     heldout_day: Annotated[int | None, typer.Option(help="Judge on this day only.")] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data.
 
-    EFFECT and SESSION may be given in either order.
+    EFFECT and SESSION may be given in either order. The model is kept in the file of --model; without it nothing is written.
     """
     from gyrocal.diagnosis.add import add, effect_named
     from gyrocal.present.output import emit, working
@@ -29,18 +30,20 @@ def run(
     # ``os.path.exists`` and not ``Path.exists``, which raises where a formula is longer than a name of a file may be.
     if os.path.exists(effect) and not os.path.exists(session):
         effect, session = str(session), Path(effect)
+    want_axis(axis)
     effect_named(effect)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_add
 
-        show_add(opened, effect, model, heldout_day, as_json)
+        show_add(opened, effect, model, heldout_day, as_json, axis)
         return
     with working(as_json) as say:
         before, after, fitted = add(
-            opened, model if model.exists() else None, effect, only_day=heldout_day, progress=say
+            opened, existing(model), effect, axis=axis, only_day=heldout_day, progress=say
         )
-    fitted.save(model)
+    if model is not None:
+        fitted.save(model)
     if as_json:
         warnings = [w.to_json() for w in before.warnings]
         emit({"before": before.to_json(), "after": after.to_json(), "warnings": warnings})

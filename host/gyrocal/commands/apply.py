@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 def run(
     source: Annotated[Path, typer.Argument(metavar="SRC", help="A session folder, or any log that `gyrocal import` reads.")],
     model: Annotated[Path, typer.Option(help="The model file, with fitted values.")],
-    out: Annotated[Path, typer.Option(help="The corrected recording: a folder for a session, else a table (.csv, .parquet).")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="The corrected recording: a folder for a session, else a table (.csv, .parquet)."),
+    ],
     bias: Annotated[
         str, typer.Option(metavar="model|rest:S|FILE", help="This power cycle's bias: the model's, the mean of the first S "
                           "seconds at rest, or the output of `gyrocal calibrate --json`.")
@@ -57,5 +60,7 @@ def run(
         return
     print_warnings(found.warnings)
     stdout.print(f"{out}: {found.rows} rows; removed: {', '.join(found.applied) or 'nothing'}")
+    if found.accelerometer:
+        stdout.print("accelerations: scale, bias and misalignment of the accelerometer removed")
     for effect, why in found.left.items():
         stdout.print(f"{effect} stays in the readings: {why}")

@@ -1,10 +1,11 @@
 """``gyrocal calibrate``."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, OneAxis, OwnEffects, SessionFolder, want_axis
 
 
 def run(
@@ -14,10 +15,20 @@ def run(
     model: Annotated[
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
     ] = None,
+    axis: OneAxis = None,
+    history: Annotated[
+        bool, typer.Option("--history", help="SESSION is a folder of one sensor's sessions over months: how does it age?")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="M.toml", help="With --history: write the joined model.")
+    ] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate scale and bias of each scenario from the first seconds of its runs, or from whole runs."""
+    """Estimate scale and bias of each scenario from the first seconds of its runs, or from whole runs.
+
+    With --history, the sessions in a folder are joined by their `board` and `made_on`: one model, and each parameter's ageing.
+    """
     from gyrocal.calibration.beyond import beyond_of_calibration
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.flags import FLAGS
@@ -35,15 +46,26 @@ def run(
         spans = None if seconds is None else [float(s) for s in seconds.split(",")]
     except ValueError:
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
+    want_axis(axis)
     methods = None if method is None else [m.strip() for m in method.split(",")]
+    if out is not None and not history:
+        raise InputError("--out is for --history; the estimates are kept by --json")
+    if history:
+        if seconds is not None or method is not None:
+            raise InputError("--history fits whole sessions by the model; leave out --seconds and --method")
+        from gyrocal.present.history import show_history
+
+        show_history(session, model, axis, out, as_json)
+        return
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_calibration
 
-        show_calibration(opened, spans, methods, model, as_json)
+        show_calibration(opened, spans, methods, model, as_json, axis)
         return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
+    found = [e for e in found if axis in (None, e.axis)]
     warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
     if method is None and lacking("net") and any(e.method == "baseline" for e in found):
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")

@@ -9,7 +9,7 @@ from gyrocal.commands import AsJson
 
 
 def run(
-    out: Annotated[Path, typer.Option(help="Where recording, model, headers and picture go; made anew.")] = Path(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Where recording, model, headers and picture go; made anew.")] = Path(
         "demo-out"
     ),
     seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 
 def run(
     session: Annotated[
@@ -34,6 +36,7 @@ def run(
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Keep answering commands when all is replayed.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """A simulated device: the firmware's own C core behind a virtual serial port.
 
@@ -41,6 +44,7 @@ def run(
     read. It starts and stops its runs by itself: `gyrocal record` takes them as they come.
     """
     import contextlib
+    import json
 
     from gyrocal.device import simulated as device
     from gyrocal.device.faults import faults as listed
@@ -64,7 +68,7 @@ def run(
         source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold
     )
     with contextlib.suppress(KeyboardInterrupt), simulated:
-        print(simulated.port, flush=True)
+        print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)
         simulated.wait()
 
 

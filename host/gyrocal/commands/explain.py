@@ -5,19 +5,22 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, want_pictures
+from gyrocal.commands import AsJson, KeptModel, OwnEffects, SessionFolder, existing, want_pictures
 from gyrocal.policy import POLICY
 
 
 def run(
     session: SessionFolder,
-    model: ModelFile,
+    model: KeptModel = None,
     most_steps: Annotated[int, typer.Option("--max", metavar="N", help="Stop after this many steps.")] = POLICY.most_steps,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the whole explanation as one page.")] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find and add every missing effect that is certain, and state what stays open."""
+    """Find and add every missing effect that is certain, and state what stays open.
+
+    The model is kept in the file of --model; without it nothing is written.
+    """
     from gyrocal.diagnosis.explain import explain
     from gyrocal.present.explanation import print_explanation, write_explanation
     from gyrocal.present.output import emit, working
@@ -31,8 +34,8 @@ def run(
         show_explain(opened, session, model, most_steps, html, as_json)
         return
     with working(as_json) as say:
-        found = explain(opened, model if model.exists() else None, most_steps=most_steps, progress=say)
-    if found.verdict != "implausible":
+        found = explain(opened, existing(model), most_steps=most_steps, progress=say)
+    if found.verdict != "implausible" and model is not None:
         found.model.save(model)
     if html is not None:
         write_explanation(html, found)

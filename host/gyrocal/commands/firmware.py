@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 
 def run(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder, or a project written before.")],
@@ -16,6 +18,7 @@ def run(
     library: Annotated[
         bool, typer.Option("--library", help="Write a library for Arduino, PlatformIO, ESP-IDF or CMake in place of a project.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write a PlatformIO project: the firmware with the shipped headers, or those of --model and --include.
 
@@ -24,12 +27,19 @@ def run(
     """
     from gyrocal.core.firmware_project import create, create_library
     from gyrocal.errors import InputError
+    from gyrocal.present.output import emit
 
     if axis not in ("x", "y", "z"):
         raise InputError(f"--axis {axis}: want x, y or z")
     if library:
         create_library(directory, model, include, axis)
+        if as_json:
+            emit({"folder": str(directory), "kind": "library"})
+            return
         typer.echo(f"{directory}: put it where your Arduino, PlatformIO or ESP-IDF project keeps its libraries; see examples/")
         return
     create(directory, model, include, axis)
+    if as_json:
+        emit({"folder": str(directory), "kind": "project"})
+        return
     typer.echo(f"{directory}: flash it with: cd {directory} && pio run -t upload && pio device monitor")

@@ -25,7 +25,7 @@ def run(
     ] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, e.g. tcp://host:8786.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of results, population.toml and report.html. Default: FOLDER.fleet")
+        Path | None, typer.Option("--out", "-o", help="Folder of results, population.toml, report.html. Default: FOLDER.fleet")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:

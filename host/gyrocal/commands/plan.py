@@ -23,7 +23,8 @@ def run(
         str | None, typer.Option(metavar="MIN_C:MAX_C", help="There is a chamber of this range, °C.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="PLAN.toml", help="Write the plan for `record --plan` and `simulate --plan`.")
+        Path | None,
+        typer.Option("--out", "-o", metavar="PLAN.toml", help="Write the plan for `record --plan` and `simulate --plan`."),
     ] = None,
     effects: OwnEffects = None,
     as_json: AsJson = False,

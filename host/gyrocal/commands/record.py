@@ -38,6 +38,9 @@ def run(
     hands: Annotated[
         bool, typer.Option("--hands", help="Calibrate by hand, without a table; it says which movement is still missing.")
     ] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for the port where it is not there yet, or held by another program.")
+    ] = False,
     imu: Annotated[int, typer.Option(min=0, help="Which sensor of the board.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -49,7 +52,6 @@ def run(
     from rich.console import Console
 
     from gyrocal.device import record
-    from gyrocal.device.port import Link
     from gyrocal.errors import DeviceError, GyrocalError, InputError
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.warning import Warning
@@ -60,7 +62,7 @@ def run(
     console = Console(stderr=True, markup=False)
     report = record.Report(str(out))
     try:
-        with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
+        with console.status(f"{port}: waiting for the device") as status, _link(port, wait, plan, status) as link:
             one = {"wanted": wanted, "scenario": scenario, "day": day}
             recorder = _recorder(link, out, planned, hands, one, imu, console, status)
             report = recorder.report
@@ -75,6 +77,23 @@ def run(
         _finish(report, as_json)
         raise
     _finish(report, as_json)
+
+
+def _link(port: str, wait: bool, plan: Path | None, status: "Status") -> "Link":
+    """The device at a port; with ``wait``, the port is tried until it opens or Ctrl-C ends that."""
+    import time
+
+    from gyrocal.device.port import RETRY_S, Link
+    from gyrocal.errors import DeviceError
+
+    while True:
+        try:
+            return Link(port, reconnect=plan is not None)
+        except DeviceError as error:
+            if not wait:
+                raise
+            status.update(f"{error} (waiting)")
+        time.sleep(RETRY_S)
 
 
 def _check_told_once(plan: Path | None, hands: bool, follow: bool, described: bool, day: int | None) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import AsJson, OwnEffects
 from gyrocal.simulation.campaigns import CAMPAIGNS
 
 
@@ -35,22 +35,27 @@ def run(
         ),
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet instead of CSV.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Simulate a campaign or a plan with known truth: a session folder, and what was planted beside it."""
     from gyrocal.errors import InputError
-    from gyrocal.present.output import stdout, working
+    from gyrocal.present.output import emit, stdout, working
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.recording.session import Session
     from gyrocal.simulation.simulate import simulate
 
     if plan is not None and (campaign != "paper" or scenarios is not None or seconds is not None):
         raise InputError("--plan says which runs there are; leave out --campaign, --scenarios and --seconds")
-    with working() as say:
+    with working(as_json) as say:
         session, truth = simulate(
             out, campaign, effect or (), seed, scenarios=scenarios, seconds=seconds, sensor=sensor, parquet=parquet,
             plan=None if plan is None else PlannedRuns.open(plan), add_to=None if add_to is None else Session.open(add_to),
             progress=lambda done, total: say(f"run {done} of {total}"),
         )  # fmt: skip
     samples = sum(len(r) for r in session.runs)
+    if as_json:
+        listed = [{"file": r.file, "samples": len(r)} for r in session.runs]
+        emit({"session": str(out), "truth": f"{out}.truth.json", "effects": truth["effects"], "runs": listed})
+        return
     planted = ", ".join(truth["effects"]) or "no effect"
     stdout.print(f"{out}: {len(session.runs)} runs, {samples} samples, {planted}; truth in {out}.truth.json")

@@ -52,6 +52,13 @@ def lacking_axes(model: Model, effect_id: str, shown: Sequence[str]) -> list[str
     return lacking
 
 
+def only_axis(lacking: Sequence[str], axis: str | None) -> list[str]:
+    """The axes to add an effect on: those that lack it, or of these ``axis`` alone. Raises InputError if it is none of them."""
+    if axis is not None and axis not in lacking:
+        raise InputError(f"--axis {axis}: the effect can be added on {', '.join(lacking) or 'no axis'}")
+    return list(lacking) if axis is None else [axis]
+
+
 def effect_named(effect_id: str) -> Effect | None:
     """The effect or formula of this name; None for a component of the noise. Raises InputError if it is none of these."""
     return None if effect_id in COMPONENTS else effect_or_formula(effect_id)
@@ -59,17 +66,17 @@ def effect_named(effect_id: str) -> Effect | None:
 
 @one_thread
 def add(
-    session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
-    progress: Progress | None = None,
+    session: Session, model: Model | str | Path | None, effect_id: str, *, axis: str | None = None,
+    only_day: int | None = None, progress: Progress | None = None,
 ) -> Added:  # fmt: skip
     """Add an effect on every axis where it can be measured and improves the fit.
 
     ``effect_id`` is the id of an effect, the id of a noise component, or a formula. A noise component is added on every axis
     of the model. Where no axis proves the effect, ``add`` uses the axis with the largest gain and explains this in
-    ``before.note``. ``only_day`` restricts the held-out data to one day. Raises InputError for an unknown id, a formula that
-    cannot be parsed, a day that cannot be left out, or an effect that the model has already.
+    ``before.note``. ``axis`` restricts it to this axis. ``only_day`` restricts the held-out data to one day. Raises InputError
+    for an unknown id, a formula that cannot be parsed, a day that cannot be left out, or an effect that the model has already.
     """
-    return attempt(session, model, effect_id, only_day=only_day, progress=progress).added
+    return attempt(session, model, effect_id, axis=axis, only_day=only_day, progress=progress).added
 
 
 class Attempt(NamedTuple):
@@ -81,23 +88,24 @@ class Attempt(NamedTuple):
 
 @one_thread
 def attempt(
-    session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
-    progress: Progress | None = None,
+    session: Session, model: Model | str | Path | None, effect_id: str, *, axis: str | None = None,
+    only_day: int | None = None, progress: Progress | None = None,
 ) -> Attempt:  # fmt: skip
     """Add an effect as :func:`add` does, and say how it was judged; nothing is judged of a component of the noise."""
     effect = effect_named(effect_id)
     start = Model.open(model)
     if effect is None:
-        lacking_axes(start, effect_id, start.axes)
+        lacking = lacking_axes(start, effect_id, start.axes)
     else:
         shown = [a for a in start.axes if effect.missing(session.about(a).runs, AXES.index(a)) is None]
         lacking = lacking_axes(start, effect.id, shown)
+    wanted = only_axis(lacking, axis)
     before = compare(session, start, only_day=only_day, progress=progress)
     if effect is None:
-        noisier = reduce(lambda grown, axis: grown.add(effect_id, axis), start.axes, start)
+        noisier = reduce(lambda grown, axis: grown.add(effect_id, axis), start.axes if axis is None else wanted, start)
         after = compare(session, noisier, only_day=only_day, progress=progress)
         return Attempt(Added(with_floor_of(before, after), after, after.fit.model), {})
-    axes = [a for a in lacking if a in before.fit.axes]
+    axes = [a for a in wanted if a in before.fit.axes]
 
     def on(axis: str) -> Candidate:
         return judge(Current.of(before, axis), effect)

@@ -64,7 +64,7 @@ def correct(model: Model, run: Run, bias_dps: Mapping[str, float] | None = None)
 
 
 def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
-    """Remove the model's effects from a table and return a table of the same kind.
+    """Remove the model's effects from a table and return a table of the same kind, with corrected accelerations if it can.
 
     ``frame`` is a polars or pandas table with the columns of a session's table (``t_s``, ``gx_dps``, ``gy_dps``, ``gz_dps`` and
     optional ones), or an array [n, 4] of time in s and rates in deg/s. Raises InputError for a table without these columns.
@@ -77,9 +77,11 @@ def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None
     pandas = not isinstance(frame, pl.DataFrame)
     table = pl.DataFrame({name: np.asarray(frame[name]) for name in frame.columns}) if pandas else frame
     done = correct(model, run_of(table, "table"), bias_dps)
+    columns = [pl.Series(name, done.rate_dps[:, i]) for i, name in enumerate(RATES)]
+    columns += [] if model.accelerometer is None else model.accelerometer.corrected(table)
     if pandas:
-        return frame.assign(**{name: done.rate_dps[:, i] for i, name in enumerate(RATES)})
-    return table.with_columns([pl.Series(name, done.rate_dps[:, i]) for i, name in enumerate(RATES)])
+        return frame.assign(**{column.name: column.to_numpy() for column in columns})
+    return table.with_columns(columns)
 
 
 def run_of(frame: pl.DataFrame, name: str) -> Run:

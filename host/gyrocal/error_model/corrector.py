@@ -49,6 +49,7 @@ class Corrector:
         self.left = {term.effect_id: why for term in model.terms if (why := _why_left(term))}
         used = [term for term in model.terms if not _why_left(term)]
         self.applied = list(dict.fromkeys(term.effect_id for term in used))
+        self._accelerometer = model.accelerometer
         self._temp_c = model.fitted_on.temp_c or (-math.inf, math.inf)
         about = [axis for axis in AXES if any(t.axis == axis and t.effect.role is Role.SCALE for t in used)] or list(AXES)
         inverse = np.linalg.inv(np.eye(3) + sum((_gain(t, about) for t in used if t.effect.is_gain), np.zeros((3, 3))))
@@ -111,6 +112,12 @@ class Corrector:
         if math.isfinite(x + y + z):
             raise InputError(_too_large(reading_dps))
         return w
+
+    def acceleration(self, reading_g: ArrayLike) -> Array:
+        """True accelerations [3] or [n, 3], g, in the frame of the corrected rates. Raises InputError if the model has none."""
+        if self._accelerometer is None:
+            raise InputError("the model has no accelerometer; fit one to a session by hand (docs/hands.md)")
+        return self._accelerometer.correct(reading_g)
 
     def batch(
         self, readings_dps: ArrayLike, temp_c: ArrayLike = UNKNOWN, power_on_s: ArrayLike = UNKNOWN,

@@ -16,6 +16,8 @@ from gyrocal.effects import base, own
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.packages import package_of
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.error_model import accelerometer
+from gyrocal.error_model.accelerometer import AccelerometerModel
 from gyrocal.error_model.fitted_on import FittedOn, parsed
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.error_model.term import Line, Term
@@ -50,6 +52,7 @@ class Model(Shown):
     terms: tuple[Term, ...]
     noise: Mapping[str, AxisNoise] = field(default_factory=dict)
     fitted_on: FittedOn = field(default_factory=FittedOn)
+    accelerometer: AccelerometerModel | None = None
 
     @staticmethod
     def builtin(name: str) -> Model:
@@ -231,7 +234,7 @@ class Model(Shown):
     def _check_written(self, partial: Path) -> None:
         """Raise InputError if a file does not contain this model. The file that it should replace is then kept."""
         read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
-        same = (read.name, read.fitted_on) == (self.name, self.fitted_on)
+        same = (read.name, read.fitted_on, read.accelerometer) == (self.name, self.fitted_on, self.accelerometer)
         if not same or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
             raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
 
@@ -252,6 +255,7 @@ class Model(Shown):
         if self.fitted_on.ranges:
             ranges = ", ".join(f"{name} = [{low!r}, {high!r}]" for name, (low, high) in self.fitted_on.ranges.items())
             lines.append(f"fitted_on = {{ {ranges} }}  # `apply` counts what lies beyond these ranges")
+        lines += [] if self.accelerometer is None else self.accelerometer.toml()
         lines.append("effects = [")
         for _, group in groupby(self._grouped(), key=lambda line: line.id):
             same = list(group)
@@ -303,7 +307,7 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
             raise InputError(f"{path}: effect {number} ({line.id}): stands twice for axis {line.axis}")
     if not lines:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
-    keys = ("format", "name", "white_sd_dps", "corrected", "fitted_on", "effects")
+    keys = ("format", "name", "white_sd_dps", "corrected", "fitted_on", "accelerometer", "effects")
     strange = sorted(set(raw) - set(keys))
     if strange:
         raise InputError(f"{path}: no key {strange[0]!r}{did_you_mean(strange[0], keys)}; a model has {', '.join(keys)}")
@@ -322,7 +326,8 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
         else:
             noise[line.axis] = noise[line.axis].having(COMPONENTS[line.id].with_values(line.values, line.se))
     fitted_on = parsed(raw.get("fitted_on", {}), raw.get("corrected", ""), str(path))
-    return Model(str(raw.get("name", path.stem)), tuple(terms), noise, fitted_on)
+    acc = accelerometer.parsed(raw.get("accelerometer"), str(path))
+    return Model(str(raw.get("name", path.stem)), tuple(terms), noise, fitted_on, acc)
 
 
 def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:

@@ -15,7 +15,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.gravity.rests import Rest
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.session import Array
 
 ENTRIES = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """Entries of M that are free, in the order of the parameters; the three biases follow."""
@@ -64,19 +64,14 @@ class Accelerometer:
         by_reading[:, 6:] = -np.eye(3)
         return np.asarray(self.inverse @ by_reading)
 
-    def to_json(self) -> dict[str, object]:
-        """Scale (fraction), bias and misalignment with standard errors, for ``calibrate``."""
+    @property
+    def se(self) -> tuple[Array, Array]:
+        """Standard errors of the matrix [3, 3], zero where an entry is none of the parameters, and of the bias [3], g."""
         se = np.sqrt(np.diag(self.covariance))
         matrix_se = np.zeros((3, 3))
         for k, (i, j) in enumerate(ENTRIES):
             matrix_se[i, j] = se[k]
-        return {
-            "scale": dict(zip(AXES, (np.diag(self.matrix) - 1).tolist(), strict=True)),
-            "scale_se": dict(zip(AXES, np.diag(matrix_se).tolist(), strict=True)),
-            "bias_g": dict(zip(AXES, self.bias_g.tolist(), strict=True)),
-            "bias_se_g": dict(zip(AXES, se[6:].tolist(), strict=True)),
-            "matrix": self.matrix.tolist(), "matrix_se": matrix_se.tolist(), "misfit": self.misfit,
-        }  # fmt: skip
+        return matrix_se, np.asarray(se[6:])
 
 
 def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:

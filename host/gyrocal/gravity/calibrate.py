@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +32,17 @@ class Calibration:
     fits: dict[str, GravityFit] = field(repr=False)
     warnings: list[Warning]
 
+    def about(self, axis: str | None) -> Calibration:
+        """The same with the estimates of one axis alone, or as it is without an axis."""
+        return self if axis is None else replace(self, estimates=[e for e in self.estimates if e.axis == axis])
+
     def to_json(self) -> dict[str, Any]:
         last = next(iter(self.fits.values()))
         return {
             "estimates": [e.to_json() for e in self.estimates],
             "warnings": [w.to_json() for w in self.warnings],
             "misalignment": [row for name, f in self.fits.items() for row in misalignment(f, name)],
-            "accelerometer": last.scene.accelerometer.to_json(),
+            "accelerometer": last.scene.accelerometer_json(),
             "rests": len(last.scene.rests), "movements": len(last.scene.movements),
             "budget": [row.to_json() for row in budget(last)],
         }  # fmt: skip

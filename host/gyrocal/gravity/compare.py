@@ -73,6 +73,7 @@ class Comparison(Shown):
             ],
             "held_out": self.held_out, "note": self.note,
             "rests": len(self.fit.scene.rests), "movements": len(self.fit.scene.movements),
+            "accelerometer": self.fit.scene.accelerometer_json(),
             "parameters": [
                 {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
                 for line in self.fit.model.lines() for name, value in line.values.items()

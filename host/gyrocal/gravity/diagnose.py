@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gyrocal.diagnosis.add import lacking_axes
+from gyrocal.diagnosis.add import lacking_axes, only_axis
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.decision import proven
 from gyrocal.diagnosis.diagnose import verdict_on
@@ -92,21 +92,22 @@ def over_floor_of(before: Comparison, after: Comparison) -> Comparison:
     return replace(before, pooled=before.evidence.before.level(everything, after.evidence.before))
 
 
-def add(session: Session, model: Model | str | Path | None, effect_id: str) -> Added:
-    """Add an effect on the axes where it is proven, or on that with the largest gain.
+def add(session: Session, model: Model | str | Path | None, effect_id: str, *, axis: str | None = None) -> Added:
+    """Add an effect on the axes where it is proven, or on that with the largest gain; with ``axis``, on this one alone.
 
     Raises InputError for an unknown id, and for an effect that the model has already.
     """
     start = Model.open(model)
     axes = lacking_axes(start, effect_id if effect_id in COMPONENTS else effect_or_formula(effect_id).id, start.axes)
+    axes = only_axis(axes, axis)
     before = compare(session, start)
     if effect_id in COMPONENTS:
         richer = start
-        for axis in start.axes:
-            richer = richer.add(effect_id, axis)
+        for each in start.axes if axis is None else [axis]:
+            richer = richer.add(effect_id, each)
         return Added(before, compare(session, richer))
     effect = effect_or_formula(effect_id)
-    judged = [before.evidence.judge(effect, axis) for axis in axes]
+    judged = [before.evidence.judge(effect, each) for each in axes]
     seen = [c for c in judged if c.decision != "not_measurable"]
     looks = len(effects()) * max(len(seen), 1)
     chosen = [c for c in seen if proven(c, looks)] or sorted(seen, key=lambda c: c.chance)[:1]

@@ -175,7 +175,7 @@ def fit(scene: Scene, model: Model, observer: Observer | None = None) -> Gravity
         if np.max(np.abs(theta - before) / np.sqrt(np.diag(covariance)), initial=0.0) < CONVERGED:
             break
     fitted = _noisy(replace(model, terms=_merged(model, terms)), scene, wander)
-    fitted = replace(fitted, fitted_on=FittedOn.of(scene.session, fitted.bias_dps))
+    fitted = replace(fitted, fitted_on=FittedOn.of(scene.session, fitted.bias_dps), accelerometer=scene.accelerometer_model)
     return GravityFit(scene, fitted, wanted, theta, covariance, seen, noise, wander, left)
 
 

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from gyrocal.error_model.accelerometer import AccelerometerModel
 from gyrocal.error_model.correction import turning_about
 from gyrocal.errors import InputError
 from gyrocal.gravity.accelerometer import Accelerometer, calibrate
@@ -71,9 +73,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Scene:
-    """``up`` [rests, 3] holds the unit vectors of gravity's reaction in the common frame.
-
-    """
+    """``up`` [rests, 3] holds the unit vectors of gravity's reaction in the common frame."""
 
     session: Session = field(repr=False)
     rests: list[Rest]
@@ -84,6 +84,8 @@ class Scene:
     noise: Noise
     """Noise of the gyroscope, deg/s."""
     warnings: list[Warning]
+    acc_white_g: Array = field(default_factory=lambda: np.zeros(3), repr=False)
+    """Noise of one sample of the accelerometer at low frequencies [3], g."""
 
     @staticmethod
     def of(session: Session) -> Scene:
@@ -97,7 +99,9 @@ class Scene:
         true_g = accelerometer.true_g(np.array([r.acc_g for r in found.rests]))
         up = true_g / np.linalg.norm(true_g, axis=1)[:, None]
         chunks = [c for i, r in enumerate(found.rests) for c in _chunks(session, r, i)]
-        scene = Scene(session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings)
+        scene = Scene(
+            session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings, acc_noise.of_sample
+        )
         scene.refuse_small_rates()
         return scene
 
@@ -118,6 +122,16 @@ class Scene:
                 "than all of it. If its readings are in rad/s, give the unit when importing (--map gx_dps=COLUMN:rad/s); if "
                 "they are raw counts, check the size of one count"
             )
+
+    @property
+    def accelerometer_model(self) -> AccelerometerModel:
+        """The accelerometer as a model keeps it."""
+        own, (matrix_se, bias_se_g) = self.accelerometer, self.accelerometer.se
+        return AccelerometerModel.of(own.matrix, matrix_se, own.bias_g, bias_se_g, self.acc_white_g)
+
+    def accelerometer_json(self) -> dict[str, Any]:
+        """The accelerometer with standard errors, and the misfit of its rests: 1 where noise explains their scatter."""
+        return {**self.accelerometer_model.to_json(), "misfit": self.accelerometer.misfit}
 
     @property
     def white_dps(self) -> Array:

@@ -72,7 +72,7 @@ def _together(session: Session, blocks: list[Blocks], model: Model, fitted: dict
         terms = symmetric(terms)
     noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
     together = tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms)
-    result = Model(model.name, together, noise)
+    result = Model(model.name, together, noise, accelerometer=model.accelerometer)
     return Fit(session, blocks, replace(result, fitted_on=FittedOn.of(session, result.bias_dps)), fitted)
 
 

@@ -52,6 +52,11 @@ class Calibration:
         1e-3, "relative deviation from the sample rate of its training up to which a network answers",
         larger="the network answers for another time scale", smaller="rounding of a stated rate leaves no answer",
     )  # fmt: skip
+    ages_errors: float = threshold(
+        3.0, "standard errors of the change of a parameter a year beyond which a model over months follows the line",
+        larger="models keep the mean of an ageing sensor", smaller="models follow the chance of few sessions",
+        chosen_by="tail of the normal distribution; pytest tests/fleet/test_history.py",
+    )  # fmt: skip
     beyond_part: float = threshold(
         0.05, "part of the width of the range of rates or accelerations of a model's session that may be added at both ends "
         "before a sample lies beyond the model", larger="a rate that no term was fitted to passes",

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 TOO_SMALL = "certain, but too small to change the error noticeably"
 
 
-def print_explanation(e: Explanation, session: Path, model: Path) -> None:
+def print_explanation(e: Explanation, session: Path, model: Path | None) -> None:
     """Print the steps with the excess after each, what stays open, and the verdict."""
     report.print_warnings(e.last.comparison.warnings)
     if e.steps:
@@ -40,9 +40,10 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
         stdout.print(open_words(one))
     stdout.print(conclusion(e), style="bold")
     if e.verdict != "implausible":
-        stdout.print(f"{model}: {', '.join(e.model.ids)}")
+        stdout.print(f"{model or report.NOT_KEPT}: {', '.join(e.model.ids)}")
     if e.verdict == "unknown" and not report.unproven(e.last):
-        stdout.print(f"next: gyrocal keep {session} --model {model} finds a formula for it and keeps it as your own effect")
+        keep = f"gyrocal keep {session} --model {model or 'model.toml'}"
+        stdout.print(f"next: {keep} finds a formula for it and keeps it as your own effect")
 
 
 DEG = RateUnit("deg", 1.0, 2)

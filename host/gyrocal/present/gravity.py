@@ -23,6 +23,7 @@ from gyrocal.present.report import (
     ANGLES,
     BLOCKED,
     MOVED,
+    NOT_KEPT,
     REJECTED_SHOWN,
     angle_row,
     deg,
@@ -32,15 +33,16 @@ from gyrocal.present.report import (
     sizes,
 )
 from gyrocal.present.verdict import adequate, first_sentence, high_floor, left_over, nothing_found, stands_on
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from gyrocal.units import percentage
 
 
 def show_calibration(
-    session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool
-) -> None:
+    session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool,
+    axis: str | None = None,
+) -> None:  # fmt: skip
     """Calibrate a session by gravity and print the result, as JSON if asked."""
-    found = calibration.calibrate(session, seconds, methods, model)
+    found = calibration.calibrate(session, seconds, methods, model).about(axis)
     emit(found.to_json()) if as_json else print_calibration(found)
 
 
@@ -67,12 +69,15 @@ def show_diagnose(session: Session, path: Path, model: str | None, formulas: Seq
     emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
 
 
-def show_add(session: Session, effect: str, model: Path, only_day: int | None, as_json: bool) -> None:
+def show_add(
+    session: Session, effect: str, model: Path | None, only_day: int | None, as_json: bool, axis: str | None = None
+) -> None:
     """Raise InputError for ``--heldout-day``, because the movements of all units are judged."""
     if only_day is not None:
         raise InputError(f"--heldout-day {only_day}: a session by gravity is judged on all its movements; leave the option out")
-    before, after = diagnosis.add(session, model if model.exists() else None, effect)
-    after.fit.model.save(model)
+    before, after = diagnosis.add(session, _existing(model), effect, axis=axis)
+    if model is not None:
+        after.fit.model.save(model)
     if as_json:
         warnings = [w.to_json() for w in before.warnings]
         emit({"before": before.to_json(), "after": after.to_json(), "warnings": warnings})
@@ -82,18 +87,18 @@ def show_add(session: Session, effect: str, model: Path, only_day: int | None, a
         stdout.print(before.note, style="bold", markup=False)
     rows = [angle_row("before", before.pooled), angle_row("after", after.pooled)]
     table("Held-out angle between movements and gravity, deg", ANGLES, rows)
-    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+    stdout.print(f"{model or NOT_KEPT}: {', '.join(after.fit.model.ids)}")
     stdout.print(headline(after), style="bold", markup=False)
 
 
 def show_explain(
-    session: Session, path: Path, model: Path, most_steps: int, page: Path | None, as_json: bool
+    session: Session, path: Path, model: Path | None, most_steps: int, page: Path | None, as_json: bool
 ) -> None:
     """Raise InputError if a page is wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; leave --html out")
-    found = diagnosis.explain(session, model if model.exists() else None, most_steps)
-    if found.verdict != "implausible":
+    found = diagnosis.explain(session, _existing(model), most_steps)
+    if found.verdict != "implausible" and model is not None:
         found.model.save(model)
     if as_json:
         emit(found.to_json())
@@ -104,11 +109,17 @@ def show_explain(
         for s in found.steps
     ]  # fmt: skip
     table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
-    print_diagnosis(found.last, path, str(model))
+    print_diagnosis(found.last, path, None if model is None else str(model))
+    if found.steps:
+        stdout.print(f"{model or NOT_KEPT}: {', '.join(found.model.ids)}")
     if found.verdict == "adequate" and found.steps:
         compared = found.last.comparison.to_json()
         text = left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")
         stdout.print(text, style="bold", markup=False)
+
+
+def _existing(model: Path | None) -> Path | None:
+    return model if model is not None and model.exists() else None
 
 
 def headline(c: Comparison) -> str:
@@ -200,8 +211,24 @@ def print_calibration(c: Calibration) -> None:
         for name, fitted in c.fits.items() for row in misalignment(fitted, name)
     ]  # fmt: skip
     table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
+    for name, fitted in c.fits.items():
+        print_accelerometer(fitted.scene, f"Accelerometer, {name}" if len(c.fits) > 1 else "Accelerometer")
     rows = [row for fitted in c.fits.values() for row in _shares(budget(fitted), unit)]
     table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], rows)
+
+
+def print_accelerometer(scene: Scene, title: str) -> None:
+    """Print the accelerometer: scale, bias, and what an axis reads of the acceleration along the axes before it."""
+    found, misfit = scene.accelerometer_model, scene.accelerometer.misfit
+    rows = []
+    for i, axis in enumerate(AXES):
+        cross = [f"{AXES[j]} {plus_minus(100 * found.matrix[i][j], 100 * found.matrix_se[i][j])}" for j in range(i)]
+        rows.append([
+            axis, plus_minus(100 * (found.matrix[i][i] - 1), 100 * found.matrix_se[i][i]),
+            plus_minus(1e3 * found.bias_g[i], 1e3 * found.bias_se_g[i]), ", ".join(cross) or "-",
+        ])  # fmt: skip
+    table(title, ["axis:", "scale %", "bias mg", "reads of another axis, %:"], rows)
+    stdout.print(f"misfit of its rests {misfit:.2f}: 1 is adequate; its x axis is an axis of the frame (docs/hands.md)")
 
 
 def _shares(rows: Sequence[BudgetRow], unit: RateUnit) -> list[list[str]]:

@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from gyrocal import verbosity
 from gyrocal.diagnosis.rate_unit import places, rounded
 
 PIPE_WIDTH = 140
@@ -36,12 +37,28 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def working(quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Show a line of progress on stderr if it is a terminal."""
+    """Show a line of progress on stderr if it is a terminal, and with ``-v`` each step as a line of its own."""
+    if verbosity.step("working"):
+        yield _steps()
+        return
     if quiet or not stderr.is_terminal:
         yield lambda _: None
         return
     with stderr.status("") as status:
         yield lambda text: status.update(text)
+
+
+def _steps() -> Callable[[str], None]:
+    """A function that writes a step where it differs from the one before."""
+    last = ""
+
+    def say(text: str) -> None:
+        nonlocal last
+        if text != last:
+            verbosity.step(text)
+            last = text
+
+    return say
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -315,7 +315,10 @@ def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) 
     return effect.told(values, shown) or ", ".join(named)
 
 
-def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+NOT_KEPT = "not kept, for want of --model FILE"
+
+
+def print_before_after(before: Comparison, after: Comparison, model: Path | None) -> None:
     """Print the levels before and after an effect was added, and the file of the new model."""
     print_warnings(before.warnings)
     if before.note:
@@ -323,7 +326,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     if before.angles is not None and after.angles is not None:
         levels = [angle_row("before", before.angles.level()), angle_row("after", after.angles.level())]
         table("Held-out angles, deg", ANGLES, levels)
-        stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+        stdout.print(f"{model or NOT_KEPT}: {', '.join(after.fit.model.ids)}")
         stdout.print(headline(after), style="bold")
         return
     names, everything = axis_names(after)
@@ -336,7 +339,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     unit = unit_of(v for *_, values in figures for v in values)
     rows = [[name, *(unit.text(v, 2, error) for v in values)] for name, error, values in figures]
     table(f"Held-out excess error over the noise floor, {unit.name}", ["axis:", "floor", "before", "after"], rows)
-    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+    stdout.print(f"{model or NOT_KEPT}: {', '.join(after.fit.model.ids)}")
     part = explained(before.pooled, after.pooled, before.cycles)
     if part is not None:
         few = before.cycles < POLICY.few_cycles

@@ -10,6 +10,7 @@ import typer
 
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, InputError
 
+FORMATS = "header, c, kalibr, ros2, px4, ardupilot, imu_tk, slam, vqf or json"
 Axis = Literal["x", "y", "z"]
 
 
@@ -17,16 +18,19 @@ def run(
     run_folder: Annotated[Path | None, typer.Option("--run", help="Run folder of `gyrocal train`.")] = None,
     model: Annotated[str | None, typer.Option(help="Error model (name or TOML) to write.")] = None,
     target: Annotated[
-        str, typer.Option("--format", metavar="header|c|kalibr|ros2|px4|ardupilot|json", help="Who reads the model.")
+        str, typer.Option("--format", metavar="FORMAT", help=f"Who reads the model: {FORMATS}.")
     ] = "header",
-    rate_hz: Annotated[float | None, typer.Option(help="The sample rate, for noise densities (kalibr, ros2).")] = None,
+    rate_hz: Annotated[float | None, typer.Option(help="The sample rate (kalibr, ros2, slam, vqf).")] = None,
     device_id: Annotated[int | None, typer.Option(help="The gyroscope's device id on the vehicle (px4, ardupilot).")] = None,
     index: Annotated[int | None, typer.Option(help="Its number on the vehicle: px4 from 0, ardupilot from 1.")] = None,
     add_to: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The parameters that had corrected the rates of the model's session.")
     ] = None,
+    noise_factor: Annotated[
+        float | None, typer.Option(help="Times the measured noise (kalibr, slam), for what a quiet room does not show.")
+    ] = None,
     axis: Annotated[Axis, typer.Option(help="The sensor's axis that calibration.h is for.")] = "z",
-    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Write the network and, with --model, the error model as C headers; with --format the model for Kalibr, PX4, ROS 2 ...
@@ -35,12 +39,15 @@ def run(
     """
     left: dict[str, str] = {}
     vehicle = {"device_id": device_id, "index": index, "add_to": add_to}
+    noise = {"noise_factor": noise_factor}
     if target == "header":
+        if noise_factor is not None:
+            raise InputError("--noise-factor is for --format kalibr and slam")
         if any(value is not None for value in vehicle.values()):
             raise InputError("--device-id, --index and --add-to are for --format px4 and ardupilot")
         contents = _headers(run_folder, model, axis)
     else:
-        contents, left = _for_others(target, model, rate_hz, vehicle)
+        contents, left = _for_others(target, model, rate_hz, vehicle | noise)
     from gyrocal_export.files import write_all
 
     written = [str(path) for path in write_all(out, contents)]
@@ -77,4 +84,4 @@ def _for_others(
     if model is None:
         raise InputError(f"--format {target} writes a model: give it with --model")
     rendered = render(target, Model.open(model), rate_hz, **vehicle)
-    return {rendered.file: rendered.text.encode()}, dict(rendered.left)
+    return {name: text.encode() for name, text in rendered.files.items()}, dict(rendered.left)

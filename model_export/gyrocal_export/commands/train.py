@@ -23,7 +23,7 @@ def run(
         str | None, typer.Option(help="Simulate from this fitted error model (TOML) instead of the campaign table2.")
     ] = None,
     axis: Annotated[Axis, typer.Option(help="The model's axis.")] = "z",
-    out: Annotated[Path | None, typer.Option(help="Run folder, runs/NET-SEED by default.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder, runs/NET-SEED by default.")] = None,
     seed: Annotated[int, typer.Option(help="Of weights, data and order.", min=0)] = 0,
     epochs: Annotated[int, typer.Option(help="At most so many.", min=1)] = 40,
     workers: Annotated[

@@ -4,7 +4,8 @@ Source: ArduPilot's parameter reference and its ``AP_InertialSensor``. ``INS_GYR
 ``INS_TCAL1_GYRk_X`` is the coefficient of the k-th power of the temperature above 35 degC, in 1e-6 rad/s/degC^k. It subtracts
 the cubic at the part's temperature and adds that at ``INS_GYR1_CALTEMP``, the temperature of the offsets; unset, that is -300.
 It clips both temperatures to ``INS_TCAL1_TMIN`` and ``INS_TCAL1_TMAX``. The offsets of the second and third gyroscope are
-``INS_GYR2OFFS_X`` and ``INS_GYR3OFFS_X``.
+``INS_GYR2OFFS_X`` and ``INS_GYR3OFFS_X``. ``INS_ACCOFFS_X`` (m/s^2) is subtracted from an acceleration, which is then
+multiplied by ``INS_ACCSCAL_X``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from gyrocal.calibration.targets.base import RAD, Rendered, bias_polynomial, coefficients, has_thermal_bias, left_of
+from gyrocal.calibration.targets.base import (
+    CORRECTED_ACC,
+    RAD,
+    Rendered,
+    acc_offsets,
+    bias_polynomial,
+    coefficients,
+    has_thermal_bias,
+    left_of,
+)
 from gyrocal.calibration.vehicle import Existing, Vehicle, common
 from gyrocal.error_model.fitted_on import Range
 from gyrocal.error_model.model import Model
@@ -96,8 +106,22 @@ def render(model: Model, vehicle: Vehicle) -> Rendered:
         values.append((f"INS_GYR{n}_CALTEMP", at_c))
     for axis in AXES:
         values += _of_axis(model, n, axis, at_c, before, thermal=thermal)
+    values += _accelerometer(model, n, vehicle, left)
     lines = [f"{name},{value if isinstance(value, int) else f'{value:.9g}'}" for name, value in values]
     return Rendered("ardupilot.param", HEADER.format(n=n, name=model.name, at_c=at_c) + "\n".join([*lines, ""]), left)
+
+
+def _accelerometer(model: Model, n: int, vehicle: Vehicle, left: dict[str, str]) -> list[tuple[str, float]]:
+    """Offsets and factors of the accelerometer; what cannot be held is added to ``left``."""
+    known, which = acc_offsets(model), f"INS_ACC{'' if n == 1 else n}"
+    if known and vehicle.existing is not None:
+        left["accelerometer"] = CORRECTED_ACC
+        return []
+    if known:
+        left[f"{which}_ID"] = "the vehicle has it once its accelerometer was calibrated there; it must be this sensor's"
+        left["misalignment of the accelerometer"] = "ArduPilot corrects an accelerometer's offset and scale only"
+    offsets = [(f"{which}OFFS_{axis.upper()}", offset) for axis, offset, _ in known]
+    return offsets + [(f"{which}SCAL_{axis.upper()}", factor) for axis, _, factor in known]
 
 
 def _of_axis(

@@ -6,7 +6,7 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,8 @@ from gyrocal.errors import InputError
 from gyrocal.recording.session import AXES
 
 RAD = math.pi / 180
+G_M_S2 = 9.80665
+"""Standard gravity: one g in m/s^2."""
 PACKAGE = "gyrocal.calibration.targets"
 ORDERS = 4
 """Number of coefficients of a cubic."""
@@ -25,11 +27,22 @@ ORDERS = 4
 
 @dataclass(frozen=True)
 class Rendered:
-    """A file for another program. ``left`` maps what it cannot hold to the reason."""
+    """A file for another program. ``left`` maps what it cannot hold to the reason. ``more`` are further files by name."""
 
     file: str
     text: str
     left: Mapping[str, str]
+    more: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The texts of all files by name."""
+        return {self.file: self.text, **self.more}
+
+
+CORRECTED_ACC = "the vehicle had corrected the accelerations of the model's session; fit it on the sensor's own"
+INFLATED = ("kalibr", "slam")
+"""The targets whose users multiply the noise of a quiet room, because estimators take it for all that disturbs a sensor."""
 
 
 def targets() -> list[str]:
@@ -40,12 +53,13 @@ def targets() -> list[str]:
 
 def render(
     name: str, model: Model, rate_hz: float | None = None, *, device_id: int | None = None, index: int | None = None,
-    add_to: str | Path | None = None,
+    add_to: str | Path | None = None, noise_factor: float | None = None,
 ) -> Rendered:  # fmt: skip
     """A model as a target's file.
 
     ``device_id`` and ``index`` name the gyroscope among those of a vehicle, and ``add_to`` is a file with the vehicle's
-    parameters, to which a model of readings that they have corrected is added. Raises InputError for an unknown target, a model
+    parameters, to which a model of readings that they have corrected is added. ``noise_factor`` multiplies the noise that a
+    target of :data:`INFLATED` is told. Raises InputError for an unknown target, a model
     without values, what the target needs and is not given, and what it cannot use.
     """
     if name not in targets():
@@ -54,6 +68,10 @@ def render(
         raise InputError(f"the model {model.name!r} has no fitted values; make one with `gyrocal explain` or `gyrocal add`")
     if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"--rate-hz {rate_hz:g}: the sample rate must be positive")
+    if noise_factor is not None and name not in INFLATED:
+        raise InputError(f"--noise-factor is for --format {' and '.join(INFLATED)}")
+    if noise_factor is not None and not (math.isfinite(noise_factor) and noise_factor > 0):
+        raise InputError(f"--noise-factor {noise_factor:g}: must be positive")
     module = f"{PACKAGE}.{name}"
     try:
         found = importlib.import_module(module)
@@ -65,7 +83,8 @@ def render(
         return of_vehicle
     if (device_id, index, add_to) != (None, None, None):
         raise InputError(f"--format {name}: --device-id, --index and --add-to are for px4 and ardupilot")
-    rendered: Rendered = found.render(model, rate_hz)
+    factor = () if name not in INFLATED else (noise_factor or 1.0,)
+    rendered: Rendered = found.render(model, rate_hz, *factor)
     return rendered
 
 
@@ -108,6 +127,20 @@ def response(model: Model) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
                 matrix[i, j] = model.value("misalignment", axis, f"m_{about}")
                 matrix[i, j] += model.value("misalignment", axis, "m") if j in turned else 0.0
     return matrix
+
+
+def acc_densities(model: Model, rate_hz: float) -> list[float]:
+    """White-noise density of the accelerometer, m/s^2/sqrt(Hz); empty if the model has none."""
+    known = model.accelerometer
+    return [] if known is None else [sd * G_M_S2 / math.sqrt(rate_hz) for sd in known.white_sd_g if sd > 0]
+
+
+def acc_offsets(model: Model) -> list[tuple[str, float, float]]:
+    """The accelerometer by axis: offset (m/s^2) and factor of a reading less the offset; empty if the model has none."""
+    known = model.accelerometer
+    if known is None:
+        return []
+    return [(axis, known.bias_g[i] * G_M_S2, 1 / known.matrix[i][i]) for i, axis in enumerate(AXES)]
 
 
 def bias_polynomial(model: Model, axis: str, at_c: float) -> list[float]:

@@ -26,6 +26,7 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
     content = {
         "made_by": f"gyrocal {__version__}", "name": model.name, "sample_rate_hz": rate_hz, "white_sd_dps": white,
         "fitted_on": {name: list(ends) for name, ends in model.fitted_on.ranges.items()},
+        "accelerometer": None if model.accelerometer is None else model.accelerometer.to_json(),
         "corrected": model.fitted_on.corrected or None, "effects": lines,
     }  # fmt: skip
     return Rendered("model.json", json.dumps(content, indent=1, allow_nan=False) + "\n", {})

@@ -4,7 +4,8 @@ Source: PX4's parameter reference, its ``sensor_calibration`` and its ``temperat
 others are in rad/s and are subtracted from the rates of the sensor with the id ``CAL_GYROn_ID``, before their rotation to the
 body. ``TC_Gn_Xk_i`` is the coefficient of the k-th power of the temperature above ``TC_Gn_TREF`` for axis i, in
 rad/s/degC^k. That cubic is subtracted besides from the rates of the sensor with the id ``TC_Gn_ID``; its temperature is clipped
-to ``TC_Gn_TMIN`` and ``TC_Gn_TMAX``.
+to ``TC_Gn_TMIN`` and ``TC_Gn_TMAX``. ``CAL_ACCn_XOFF`` (m/s^2) is subtracted from an acceleration, which is then multiplied by
+``CAL_ACCn_XSCALE``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,16 @@ from dataclasses import dataclass
 
 from numpy.polynomial import Polynomial
 
-from gyrocal.calibration.targets.base import RAD, Rendered, bias_polynomial, coefficients, has_thermal_bias, left_of
+from gyrocal.calibration.targets.base import (
+    CORRECTED_ACC,
+    RAD,
+    Rendered,
+    acc_offsets,
+    bias_polynomial,
+    coefficients,
+    has_thermal_bias,
+    left_of,
+)
 from gyrocal.calibration.vehicle import Existing, Vehicle, common, signed
 from gyrocal.effects.quantities import REFERENCE_C
 from gyrocal.error_model.fitted_on import Range
@@ -99,8 +109,22 @@ def render(model: Model, vehicle: Vehicle) -> Rendered:
         left[f"CAL_GYRO{n}_ID"] = WITHOUT_ID
     notes = (THERMAL if thermal else CONSTANT).format(n=n)
     notes += f"# Set CAL_GYRO{n}_ID: {WITHOUT_ID}.\n" * (device_id is None)
+    rows += _accelerometer(model, n, vehicle, left)
     lines = [f"1\t1\t{name}\t{int(value) if kind == INTEGER else f'{value:.9g}'}\t{kind}" for name, value, kind in rows]
     return Rendered("px4.params", HEADER.format(n=n, name=model.name, notes=notes) + "\n".join([*lines, ""]), left)
+
+
+def _accelerometer(model: Model, n: int, vehicle: Vehicle, left: dict[str, str]) -> list[Row]:
+    """Offsets and factors of the accelerometer; what cannot be held is added to ``left``."""
+    known = acc_offsets(model)
+    if known and vehicle.existing is not None:
+        left["accelerometer"] = CORRECTED_ACC
+        return []
+    if known:
+        left[f"CAL_ACC{n}_ID"] = "set it on the vehicle to the accelerometer's device id, by which PX4 finds these values"
+        left["misalignment of the accelerometer"] = "PX4 corrects an accelerometer's offset and scale only"
+    offsets = [(f"CAL_ACC{n}_{axis.upper()}OFF", offset, FLOAT) for axis, offset, _ in known]
+    return offsets + [(f"CAL_ACC{n}_{axis.upper()}SCALE", factor, FLOAT) for axis, _, factor in known]
 
 
 def _offsets(model: Model, n: int, before: _Before | None) -> Iterator[Row]:

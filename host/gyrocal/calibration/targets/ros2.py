@@ -8,7 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.calibration.targets.base import RAD, Rendered, bias_dps, left_of, random_walks, response, white_densities
+from gyrocal.calibration.targets.base import (
+    G_M_S2,
+    RAD,
+    Rendered,
+    acc_densities,
+    bias_dps,
+    left_of,
+    random_walks,
+    response,
+    white_densities,
+)
 from gyrocal.error_model.model import Model
 
 TEXT = """\
@@ -17,6 +27,11 @@ TEXT = """\
   ros__parameters:
     gyro_bias_rad_s: [{bias}]
     gyro_correction: [{matrix}]
+"""
+ACCELEROMETER = """\
+    # corrected = acc_correction · (reading - acc_bias_m_s2), in the frame of the corrected rates
+    acc_bias_m_s2: [{bias}]
+    acc_correction: [{matrix}]
 """
 NOISE = """\
     gyro_noise_density_rad_s_sqrt_hz: [{density}]
@@ -29,12 +44,16 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
     """The text of a parameter file."""
     correction = np.linalg.inv(response(model))
     text = TEXT.format(name=model.name, bias=_listed(np.multiply(bias_dps(model), RAD)), matrix=_listed(correction.ravel()))
+    if (acc := model.accelerometer) is not None:
+        text += ACCELEROMETER.format(bias=_listed(np.multiply(acc.bias_g, G_M_S2)), matrix=_listed(acc.correction.ravel()))
     left = left_of(model, {"scale", "bias", "misalignment", "colored_noise"}, "a constant matrix and bias cannot hold it")
     if rate_hz is None:
         return Rendered("ros2.yaml", text, {**left, "noise": "give --rate-hz, from which its density is computed"})
     noise = NOISE.format(
         density=_listed(white_densities(model, rate_hz)), walk=_listed(random_walks(model)), rate_hz=rate_hz
     )
+    if densities := acc_densities(model, rate_hz):
+        noise += f"    acc_noise_density_m_s2_sqrt_hz: [{_listed(densities)}]\n"
     return Rendered("ros2.yaml", text + noise, left)
 
 

@@ -34,7 +34,7 @@ def read(
     without a header, ``skip`` is the number of lines above it. ``topic`` names one table of a file that holds several.
     ``option`` is what the options begin with that an error advises, ``--ref-`` for those of the reference's file.
     """
-    from gyrocal.recording.readers import arrays, parquet, rosbag, text, ulog
+    from gyrocal.recording.readers import arrays, foreign, parquet, rosbag, text, ulog
 
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
@@ -46,6 +46,7 @@ def read(
             head = handle.read(HEAD_BYTES)
         if head.startswith(LFS_POINTER):
             raise InputError(f"{path}: a pointer of Git LFS and not the file itself; fetch that by: git lfs pull")
+        foreign.refuse(path, head)
         if rosbag.is_bag(head):
             return rosbag.read(path, topic, option)
         if head.startswith(ulog.MAGIC):

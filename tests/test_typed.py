@@ -1,0 +1,108 @@
+"""The command line as people type it: -o, -q, -v and --json everywhere, a model that is kept only where it is asked for."""
+
+import json
+import time
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from gyrocal.cli import command_modules, main
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("typed") / "s"
+    words = ["--scenarios", "3", "--seconds", "6", "--effect", "table_ripple:amplitude_1=0.003"]
+    assert main(["simulate", "-o", str(path), *words]) == 0
+    return str(path)
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_quiet_prints_errors_and_json_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", session, "--method", "baseline", "--seconds", "4"]
+    assert main(["-q", *words]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main([*words, "--quiet", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["estimates"]
+    assert err == ""
+    assert main(["-q", "compare", "none"]) == 2
+    assert capsys.readouterr().err.startswith("gyrocal: none")
+
+
+def test_verbose_says_each_step_on_stderr(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", session, "-v", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["verdict"]
+    assert err.startswith("[   0.00 s] gyrocal ")
+    assert main(["compare", session, "--json"]) == 0
+    assert capsys.readouterr().err == "", "it says nothing of the call before"
+
+
+def test_out_may_be_an_option(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", session, "-o", "s.png"]) == 0
+    assert main(["plot", "--out", "s.svg", session]) == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"s.png", "s.svg"}
+    assert main(["plot", session, "-o"]) == 2
+    assert "gyrocal plot --help" in capsys.readouterr().err
+
+
+def test_explain_and_add_keep_a_model_only_where_it_is_asked_for(
+    session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explain", session]) == 0
+    assert "not kept, for want of --model FILE: scale, bias" in capsys.readouterr().out
+    assert main(["add", "table_ripple", session, "--axis", "z"]) == 0
+    assert "not kept, for want of --model FILE: scale, bias" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+    assert main(["add", "table_ripple", session, "--axis", "x", "--model", "m.toml"]) == 2
+    assert "--axis x: the effect can be added on z" in capsys.readouterr().err
+    assert main(["add", "turn_on_bias", session, "--model", "m.toml"]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_axis_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", session, "--method", "baseline", "--axis", "z", "--json"]) == 0
+    assert {e["axis"] for e in json.loads(capsys.readouterr().out)["estimates"]} == {"z"}
+    assert main(["calibrate", session, "--axis", "w"]) == 2
+    assert "--axis w: want x, y or z" in capsys.readouterr().err
+
+
+def test_every_verb_has_json(capsys: pytest.CaptureFixture[str]) -> None:
+    for verb in command_modules():
+        assert main([verb, "--help"]) == 0
+        assert ("--json" in capsys.readouterr().out) is (verb != "workbench"), f"{verb}; workbench is a page"
+
+
+def test_small_verbs_answer_in_json(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, keys in (
+        (["version"], {"gyrocal", "python", "system", "answers"}), (["plot", session, "s.png"], {"file"}),
+        (["simulate", "new", "--scenarios", "1", "--seconds", "4"], {"session", "truth", "effects", "runs"}),
+        (["firmware", "project"], {"folder", "kind"}),
+    ):  # fmt: skip
+        capsys.readouterr()
+        assert main([*words, "--json"]) == 0, words
+        assert set(json.loads(capsys.readouterr().out)) == keys
+
+
+def test_record_waits_for_a_port_that_is_not_there_yet(session: str, tmp_path: Path) -> None:
+    from gyrocal.device.simulated import SimulatedDevice
+    from gyrocal.recording.session import Session
+
+    link = tmp_path / "port"
+    assert main(["record", "out", "--port", str(link), "--follow"]) == 3
+    def plug_in() -> None:
+        time.sleep(1.0)
+        with SimulatedDevice([Session.open(session)], "max", symlink=link) as device:
+            device.wait()
+
+    later = Thread(target=plug_in, daemon=True)
+    later.start()
+    assert main(["record", "out", "--port", str(link), "--follow", "--wait"]) == 0
+    later.join(10)
+    assert len(Session.open("out").runs) == 6
