@@ -57,6 +57,10 @@ RefMap = Annotated[
         help="Take a column of it instead of a guess: its t_s, and e.g. ref_angle_deg=enc:rad.",
     ),
 ]
+Join = Annotated[
+    list[Path] | None,
+    typer.Option("--join", metavar="FILE", help="A file of another sensor of the same recording, joined on time."),
+]
 Gravity = Annotated[
     bool, typer.Option("--gravity", help="Turned by hand between rests: gravity is the reference, no rate is known.")
 ]
@@ -84,6 +88,7 @@ def run(
     ref_columns: Annotated[str | None, typer.Option(help="Names of all its columns, where it has no header.")] = None,
     ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
     gravity: Gravity = False,
+    joined: Join = None,
     runs: Runs = None,
     sections: Sections = None,
     run_meta: RunMeta = None,
@@ -116,9 +121,12 @@ def run(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
         names_of(columns), skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
+        joined or (),
     ))  # fmt: skip
     _preview(found, preview)
-    if not as_json:
+    if as_json:
+        decided(found)
+    else:
         confirmed(found, yes, "Import it so?")
     _tell(found, found.save(out, append=append), out, as_json)
 
@@ -198,12 +206,27 @@ def _confirm(found: "Imported", yes: bool, question: str) -> None:
     from gyrocal.errors import InputError
 
     if yes or not found.guessed:
+        decided(found)
         return
     same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
     if not sys.stdin.isatty():
         raise InputError(f"nobody is there to confirm this guess; take it by --yes, or change it: {same}")
     if not typer.confirm(question, default=True):
         raise InputError(f"nothing is written; change the guess and run it again with: {same}")
+
+
+def decided(found: "Imported") -> None:
+    """Raise InputError if something was guessed that the file does not decide, so that a person has to say it."""
+    from gyrocal.errors import InputError
+
+    asked = [g for g in found.guessed if g.asks]
+    if asked:
+        stated, _, unit = asked[0].map.rpartition(":")
+        other = "dps" if unit == "rad/s" else "rad/s"
+        raise InputError(
+            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): nothing in the recording decides between "
+            f"them. Say which it is: {' '.join(f'--map {chr(39)}{g.map}{chr(39)}' for g in asked)}, or :{other} in each"
+        )
 
 
 def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> None:
