@@ -11,6 +11,8 @@ from gyrocal.recording.stamps import in_bursts, period_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
+STILL_S, STILL_PART = 0.4, 0.3
+"""Length of the windows, s, and the part of them in which a sensor in a hand turns least."""
 
 
 def check(session: Session) -> list[Warning]:
@@ -29,8 +31,8 @@ def _acceleration(session: Session) -> list[Warning]:
 
     Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias.
     """
-    if session.reference.kind == "gravity":  # the rests are found with the session, and a wrong unit is refused there
-        return []
+    if session.reference.kind == "gravity":
+        return _by_hand(session)
     runs = [(r, r.acc_g) for r in session.runs if r.acc_g is not None]
     rests = [a for r, a in runs if not r.rate_is_mean and not np.any(r.rate_dps) and np.isfinite(a).any(axis=0).all()]
     at_rest = [np.nanmean(a, axis=0)[None] for a in rests]
@@ -48,6 +50,33 @@ def _acceleration(session: Session) -> list[Warning]:
     text = (
         f"the acceleration at rest is {norm:.4g}, and gravity is 1 g: {guess}. "
         f"Give the unit when importing (--map ax_g=COLUMN:{unit or 'UNIT'})"
+    )
+    return [Warning("accel_unit", None, None, text)]
+
+
+def _by_hand(session: Session) -> list[Warning]:
+    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations of the seconds in which it turned least."""
+    means, spreads = [], []
+    for run in session.runs:
+        size = max(2, round(STILL_S * run.sample_rate_hz))
+        count = len(run) // size
+        if run.acc_g is None or not count:
+            continue
+        means.append(run.acc_g[: count * size].reshape(count, size, 3).mean(axis=1))
+        spreads.append(run.gyro_dps[: count * size].reshape(count, size, 3).std(axis=1).sum(axis=1))
+    if not means:
+        return []
+    spread, norms = np.concatenate(spreads), np.linalg.norm(np.concatenate(means), axis=1)
+    norms = norms[(spread <= np.quantile(spread, STILL_PART)) & np.isfinite(norms)]
+    if not norms.size:
+        return []
+    low, middle, high = np.quantile(norms, [0.05, 0.5, 0.95])
+    if abs(middle - 1) <= POLICY.gravity_off and high - low <= 4 * POLICY.gravity_off * middle:
+        return []
+    text = (
+        f"the acceleration at rest is {middle:.4g}, from {low:.3g} to {high:.3g} over the poses, and gravity is 1 g: the scale or "
+        "the bias of the accelerometer is wrong, or its unit. Gravity's direction rests on what the poses say of them; give the "
+        "scale when importing (--map ax_g=COLUMN*FACTOR), and record twelve poses or more"
     )
     return [Warning("accel_unit", None, None, text)]
 
