@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 CUT = "NAME:START:END[:key=value,...]"
 REPAIRED = {
+    "rests": "runs at rest were made of the still parts before and after a known turn",
+    "hung": "runs lost the stretches in which the sensor hung and repeated one reading",
     "times": "times were replaced by their regression on the sample's number",
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",

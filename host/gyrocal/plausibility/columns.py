@@ -55,7 +55,7 @@ def _acceleration(session: Session) -> list[Warning]:
 
 
 def _by_hand(session: Session) -> list[Warning]:
-    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations of the seconds in which it turned least."""
+    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations where it turned least."""
     means, spreads = [], []
     for run in session.runs:
         size = max(2, round(STILL_S * run.sample_rate_hz))
@@ -74,9 +74,9 @@ def _by_hand(session: Session) -> list[Warning]:
     if abs(middle - 1) <= POLICY.gravity_off and high - low <= 4 * POLICY.gravity_off * middle:
         return []
     text = (
-        f"the acceleration at rest is {middle:.4g}, from {low:.3g} to {high:.3g} over the poses, and gravity is 1 g: the scale or "
-        "the bias of the accelerometer is wrong, or its unit. Gravity's direction rests on what the poses say of them; give the "
-        "scale when importing (--map ax_g=COLUMN*FACTOR), and record twelve poses or more"
+        f"the acceleration at rest is {middle:.4g}, from {low:.3g} to {high:.3g} over the poses, and gravity is 1 g: the scale "
+        "or the bias of the accelerometer is wrong, or its unit. Gravity's direction rests on what the poses say of them; give "
+        "the scale when importing (--map ax_g=COLUMN*FACTOR), and record twelve poses or more"
     )
     return [Warning("accel_unit", None, None, text)]
 

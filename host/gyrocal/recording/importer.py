@@ -11,14 +11,16 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
+from gyrocal.recording import plateaus
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
-from gyrocal.recording.convert import Converted, convert, even, rate_of
+from gyrocal.recording.convert import Converted, convert, rate_of
 from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess
 from gyrocal.recording.header import Reference, read_header, write_header
+from gyrocal.recording.hung import without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
 from gyrocal.recording.joined import Files
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
@@ -26,6 +28,7 @@ from gyrocal.recording.resample import resampled
 from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
+from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import goes_back, period_s
 from gyrocal.recording.table import OPTIONAL, REQUIRED, all_finite, check_table, write_table
 from gyrocal.warning import Warning
@@ -168,19 +171,32 @@ def _read_file(files: Files, options: Options, number: int, named: bool) -> Impo
         table = replace(table, columns={**table.columns, **more})
     stem = path.name.split(".")[0]
     labels = check_meta(labels_of(stem), str(path))
+    left = {"table_rate_dps"} if options.gravity else set[str]()
+
+    def named_so(name: str) -> dict[str, Any]:
+        """What a run's name says, as ``x_rot`` of its axis, or its file's name; a run by hand has no rate."""
+        found = labels | check_meta(labels_of(name), f"run {name}")
+        return {key: value for key, value in found.items() if key not in left}
+
     defaults = {**labels, **options.defaults}
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
     kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
     cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
-    cuts = with_meta(cuts, options.run_meta, defaults)
+    cuts = with_meta(cuts, options.run_meta, options.defaults, named_so)
+    rests = 0
+    if not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
+        cuts = plateaus.cut(source.label, table.columns, cuts[0])
+        rests = len(cuts) - 1
     check_names_differ(cuts)
     evened: list[Warning] = []
     runs = [
         _run(source, mappings, table, cut, number + i, axis, rate_hz, options, evened.append) for i, cut in enumerate(cuts)
     ]
-    times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
-    counts = {"times": times, "rows": table.left_out, "twice": table.repeated, "cells": table.cells}
+    times = sum(len(run) for run in runs if run.file in {w.file for w in evened if w.code == "sample_rate"})
+    hung = sum(w.code == "constant_reading" for w in evened)
+    counts = {"rests": rests, "hung": hung, "times": times, "rows": table.left_out, "twice": table.repeated}
+    counts["cells"] = table.cells
     rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
     corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
     session = Session(
@@ -239,9 +255,15 @@ def _run(
         t_s, lambda place: source.row(table.row(start + place)), file,
         lambda place: f"take the rows before it by --run NAME:{table.row(start)}:{table.row(start + place)}, or number the "
         "samples with --rate-hz and no t_s",
+        np.column_stack([columns[name] for name in REQUIRED[1:] if name in columns]),
     )  # fmt: skip
     if warning is not None:
         warn(warning)
+    if options.needs_rate and not options.gravity and cut.meta.get("turn_deg") is None:
+        columns, warning = without_hung(columns, file)
+        if warning is not None:
+            warn(warning)
+    end = start + columns["t_s"].size
     if any(m.is_angle_of_rate for m in mappings):
         columns["rate_ref_dps"] = rate_of(columns["t_s"], columns["rate_ref_dps"])
     meta = cut.meta

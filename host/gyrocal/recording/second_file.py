@@ -11,13 +11,14 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
-from gyrocal.recording.convert import convert, even, rate_of
+from gyrocal.recording.convert import convert, rate_of
 from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, guess_reference
 from gyrocal.recording.guess_units import typical_rate_dps
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
+from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import between
 from gyrocal.recording.trajectory import KITTI, columns_of, with_times
