@@ -1,4 +1,4 @@
-"""An accelerometer whose scale or bias is far off: told as that, and calibrated from the rests, so that the gyroscope is right."""
+"""An accelerometer whose scale or bias is far off: told, and calibrated from the rests, so that the gyroscope is right."""
 
 from dataclasses import replace
 

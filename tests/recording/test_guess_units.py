@@ -28,7 +28,7 @@ def tumbled(size_dps: float, acc: float, unit: float, rng: np.random.Generator) 
     for k, step in enumerate(Rotation.from_rotvec(np.radians(rate_dps) / 100)):
         up[k] = turn.inv().apply([0, 0, 1])
         turn = turn * step
-    gyro = unit * (rate_dps + [0.8, -0.5, 0.3] + rng.normal(0, 0.1, (N, 3)))
+    gyro = unit * (rate_dps + np.array([0.8, -0.5, 0.3]) + rng.normal(0, 0.1, (N, 3)))
     shaken = acc * (up + rng.normal(0, 0.01, (N, 3)))
     names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     return pl.DataFrame(np.column_stack([T_S, gyro, shaken]), schema=names)

@@ -1,5 +1,6 @@
 """The columns of public loggers: each header is read as its program means it, and no accelerometer without gravity is taken."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,8 @@ LOGGERS = {
         "Clock:offsetTime=s IMU_ATTI(0):accel{}*g IMU_ATTI(0):gyro{}*deg", ",",
         "t_s=Clock:offsetTime:s gx_dps=IMU_ATTI(0):gyroX:dps ax_g=IMU_ATTI(0):accelX:g",
     ),
-    "GoPro": ('"cts"=ms "Gyroscope ({}) [rad/s]"*rad "temperature [°C]"=degC', ",", "t_s=cts:ms gx_dps=Gyroscope (X) [rad/s]:rad/s"),
+    "GoPro": ('"cts"=ms "Gyroscope ({}) [rad/s]"*rad "temperature [°C]"=degC', ",",
+              "t_s=cts:ms gx_dps=Gyroscope (X) [rad/s]:rad/s"),
     "OpenLog Artemis": ("rtcTime=date a{}*mg g{}*deg imu_degC=degC", ",", "t_s=rtcTime gx_dps=gX:dps ax_g=aX:mg"),
     "Delsys": ('X[s]=s "Avanti 1: Gyro.{} 1"*deg "Avanti 1: Acc.{} 1"*g', ",",
                "t_s=X[s]:s gx_dps=Avanti 1: Gyro.X 1:dps ax_g=Avanti 1: Acc.X 1:g"),
@@ -62,7 +64,8 @@ LOGGERS = {
     "Analog Devices": ("SAMPLE_CNT=n {}GYRO_OUT*deg {}ACCL_OUT*mg", ",", "gx_dps=XGYRO_OUT:dps ax_g=XACCL_OUT:mg"),
     "Betaflight": ('"time"=us "gyroADC[{0}]"*deg "gyroUnfilt[{0}]"*deg', ",", "t_s=time:us gx_dps=gyroADC[0]:dps"),
     "Inertial Sense": ("time=s pqr[{0}]*deg acc[{0}]*si", ",", "gx_dps=pqr[0]:dps ax_g=acc[0]:m/s2"),
-    "VectorNav": ("TimeStartup=ns Gyro{}*deg Accel{}*si Temp=degC", ",", "t_s=TimeStartup:ns gx_dps=GyroX:dps ax_g=AccelX:m/s2"),
+    "VectorNav": ("TimeStartup=ns Gyro{}*deg Accel{}*si Temp=degC", ",",
+                  "t_s=TimeStartup:ns gx_dps=GyroX:dps ax_g=AccelX:m/s2"),
     "axes counted from 1": ("Sample_Time=s gyr{1}*deg acc{1}*si", ";", "t_s=Sample_Time:s gx_dps=gyr1:dps ax_g=acc1:m/s2"),
     "rates counted from 0": ("t=s w{0}*deg", ",", "t_s=t:s gx_dps=w0:dps"),
     "axis first": ("time=s {}_gyro*deg {}_acc*si", ",", "gx_dps=X_gyro:dps ax_g=X_acc:m/s2"),
@@ -73,8 +76,6 @@ LOGGERS = {
 
 
 def table(columns: str, separator: str) -> str:
-    import re
-
     names, kinds = [], []
     for name, mark, kind in re.findall(r"(.+?)([=*])(\w+)(?: |$)", columns):
         for j, axis in enumerate("XYZ" if mark == "*" else "-"):
@@ -84,6 +85,12 @@ def table(columns: str, separator: str) -> str:
     return "\n".join([head, *(separator.join(cell(k, j) for cell, j in kinds) for k in range(N))]) + "\n"
 
 
+def of_axis(column: str, axis: int) -> str:
+    """The name of a column of the axis x or 0 or 1 with another axis in its place."""
+    counted = re.sub(r"(?<=[a-z\[])[01](?=\]?:)", lambda m: str(int(m[0]) + axis), column)
+    return re.sub(r"X(?![a-z])", "XYZ"[axis], counted) if axis else column
+
+
 @pytest.mark.parametrize("logger", LOGGERS)
 def test_the_columns_of_a_logger_are_what_its_program_means(logger: str, tmp_path: Path) -> None:
     columns, separator, expected = LOGGERS[logger]
@@ -91,13 +98,9 @@ def test_the_columns_of_a_logger_are_what_its_program_means(logger: str, tmp_pat
     path.write_text(table(columns, separator))
     found = {g.map.partition("=")[0]: g.map for g in guess(read(path), Scaling(), reference=False)}
     targets = {"t_s": ["t_s"], "gx_dps": [f"g{a}_dps" for a in "xyz"], "ax_g": [f"a{a}_g" for a in "xyz"], "temp_c": ["temp_c"]}
-    import re
-
     for wanted in re.split(r" (?=(?:t_s|gx_dps|ax_g|temp_c)=)", expected):
         for j, target in enumerate(targets[wanted.partition("=")[0]]):
-            column = wanted.partition("=")[2]
-            if j:
-                column = re.sub(r"X(?![a-z])|(?<=[a-z\[])[01](?=\]?:)", lambda m: "XYZ"[j] if m[0] == "X" else str(int(m[0]) + j), column)
+            column = of_axis(wanted.partition("=")[2], j)
             assert found.get(target) == f"{target}={column}", found
     if "ax_g=" not in expected:
         assert "ax_g" not in found or logger == "OxIOD", found

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gyrocal.recording.import_options import Options
-from gyrocal.recording.importer import read_recording
+from gyrocal.recording.importer import Imported, read_recording
 
 N = 6000
 TRUE_S = np.arange(N) / 100
@@ -21,9 +21,10 @@ def rates(t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def stamped(kind: str, t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """The stamps that a host gives to samples of these moments."""
     n = t_s.size
-    steps = {"two steps": np.where(np.arange(n) % 22 == 21, 0.00496, 0.01024), "alternating": np.where(np.arange(n) % 2, 0.006, 0.014)}
+    k = np.arange(n)
+    steps = {"two steps": np.where(k % 22 == 21, 0.00496, 0.01024), "alternating": np.where(k % 2, 0.006, 0.014)}
     if kind in steps:
-        return t_s + np.cumsum(steps[kind] - 0.01)
+        return np.asarray(t_s + np.cumsum(steps[kind] - 0.01))
     if kind == "jitter":
         return np.sort(t_s + rng.uniform(0, 0.009, n))
     if kind == "late":  # a host that stalls, and stamps what waited for it when it is back
@@ -35,7 +36,7 @@ def stamped(kind: str, t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.floor(t_s * 125) / 125
 
 
-def imported(tmp_path: Path, stamps: np.ndarray, readings: np.ndarray):
+def imported(tmp_path: Path, stamps: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, Imported]:
     rows = "\n".join(f"{t:.7f},{','.join(f'{v:.5f}' for v in row)}" for t, row in zip(stamps, readings, strict=True))
     (tmp_path / "log.csv").write_text(f"t_s,gx_dps,gy_dps,gz_dps\n{rows}\n")
     found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
