@@ -25,7 +25,7 @@ def test_a_robot_that_spins_steadily_is_not_at_rest() -> None:
 
 def test_a_turn_for_a_while_is_not_at_rest() -> None:
     for first, last in ((5.0, 20.0), (30.0, 50.0)):
-        assert told(np.where((first < T_S) & (T_S < last), 42.0, 0.0)) == [("not_at_rest", "z")]
+        assert told(np.where((first < T_S) & (last > T_S), 42.0, 0.0)) == [("not_at_rest", "z")]
 
 
 @pytest.mark.parametrize("bias_dps", [0.3, 12.0, 20.0])
