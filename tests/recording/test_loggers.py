@@ -4,11 +4,13 @@ import re
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.readers import read
+from gyrocal.recording.source import Source
 
 N = 300
 T_S = np.arange(N) / 100
@@ -104,6 +106,12 @@ def test_the_columns_of_a_logger_are_what_its_program_means(logger: str, tmp_pat
             assert found.get(target) == f"{target}={column}", found
     if "ax_g=" not in expected:
         assert "ax_g" not in found or logger == "OxIOD", found
+
+
+def test_a_slow_topic_of_px4_is_in_microseconds() -> None:
+    """By its steps alone, a topic that is logged once a second was taken for one of 1000 Hz in nanoseconds."""
+    table = pl.DataFrame({"sensor_gyro.timestamp": 10**8 + 10**6 * np.arange(6), **{f"sensor_gyro.{a}": [0.1] * 6 for a in "xyz"}})
+    assert guess(Source("a.ulg", table, si=True), Scaling())[0].map == "t_s=sensor_gyro.timestamp:us"
 
 
 def test_an_acceleration_without_gravity_is_not_taken(tmp_path: Path) -> None:

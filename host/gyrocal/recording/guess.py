@@ -224,6 +224,8 @@ def time_column(source: Source) -> Guess | None:
             return Guess(f"t_s={name}", "dates or times of day")
         if stated is not None:
             return Guess(f"t_s={name}:{stated}", "the unit is in its name")
+        if source.si:
+            return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
         step = period_s(np.maximum.accumulate(t_s[:2000]))
         if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
             return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
