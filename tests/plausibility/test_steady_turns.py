@@ -34,6 +34,20 @@ def test_a_biased_sensor_is_at_rest(bias_dps: float) -> None:
     assert not told(bias_dps + 8.0 * T_S / T_S[-1])
 
 
+def test_the_acceleration_of_a_flight_is_no_gravity() -> None:
+    """A rocket that is said to be at rest moves; nothing is wrong with the unit of its accelerometer."""
+    shaken = RNG.normal(0, 30, (T_S.size, 3)).cumsum(axis=0) / 10
+    falling = np.column_stack([0 * T_S, 0 * T_S, np.full(T_S.size, 0.4)]) + RNG.normal(0, 0.2, (T_S.size, 3))
+
+    def codes(acc_g: np.ndarray, gyro: np.ndarray) -> set[str]:
+        columns = dict(zip(("ax_g", "ay_g", "az_g"), acc_g.T, strict=True))
+        return {w.code for w in check(make_session(make_run(T_S, gyro, table_rate_dps=0.0, **columns)))}
+
+    assert "not_at_rest" in codes(falling, shaken)
+    assert "accel_unit" not in codes(falling, shaken)
+    assert "accel_unit" in codes(falling, RNG.normal(0, 0.1, (T_S.size, 3)))
+
+
 def test_a_wrong_zero_is_told_as_that() -> None:
     assert ("bias_implausible", "z") in told(70.0)
     assert ("not_at_rest", "z") not in told(70.0)

@@ -110,7 +110,8 @@ def test_the_columns_of_a_logger_are_what_its_program_means(logger: str, tmp_pat
 
 def test_a_slow_topic_of_px4_is_in_microseconds() -> None:
     """By its steps alone, a topic that is logged once a second was taken for one of 1000 Hz in nanoseconds."""
-    table = pl.DataFrame({"sensor_gyro.timestamp": 10**8 + 10**6 * np.arange(6), **{f"sensor_gyro.{a}": [0.1] * 6 for a in "xyz"}})
+    rates = {f"sensor_gyro.{a}": [0.1] * 6 for a in "xyz"}
+    table = pl.DataFrame({"sensor_gyro.timestamp": 10**8 + 10**6 * np.arange(6), **rates})
     assert guess(Source("a.ulg", table, si=True), Scaling())[0].map == "t_s=sensor_gyro.timestamp:us"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.real_recordings import recording
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
@@ -64,7 +65,7 @@ def test_a_known_turn_gets_scale_and_bias_from_the_rests_about_it(tmp_path: Path
     session = Session.open(tmp_path / "out")
     assert [run.turn_deg for run in session.runs] == [None, 720.0, None]
     assert len({run.scenario for run in session.runs}) == 1
-    estimate = calibrate(session, method="model")[0]
+    estimate = calibrate(session, methods=["model"])[0]
     assert estimate.scale == pytest.approx(SCALE, abs=4e-4)
     assert estimate.bias_dps == pytest.approx(BIAS_DPS[2], abs=0.03)
 
@@ -89,3 +90,20 @@ def test_a_run_that_is_named_for_its_axis_turns_about_it(tmp_path: Path) -> None
     cuts = ["x_rot:850:1800:turn=740", "z_rest:0:800:rate=0", "y_p:0:800:rate=0,axis=z"]
     runs = read_recording(path, Options.of((), {"cuts": cuts})).session.runs
     assert [run.axis for run in runs] == ["x", "z", "z"]
+
+
+def test_a_real_turn_between_rests_gives_the_scale_of_its_integral(tmp_path: Path) -> None:
+    path = recording("mpu6050_multipose_tedaldi", "imu_90_x_rot.csv")
+    maps = [f"g{a}_dps=g{a}/131" for a in "xyz"]
+    known = {"rate_hz": 100.0, "turn_deg": 90.0, "axis": "x"}
+    session = read_recording(path, Options.of(maps, known)).session
+    assert [run.turn_deg for run in session.runs] == [None, 90.0, None]
+    rows = path.read_text().splitlines()
+    head = next(k for k, row in enumerate(rows) if row.startswith("ax,ay,az,gx"))
+    gx_dps = np.array([float(row.split(",")[3]) for row in rows[head + 1 :]]) / 131
+    first, last = len(session.runs[0]), len(session.runs[0]) + len(session.runs[1])
+    bias_dps = float(np.mean(np.concatenate([gx_dps[:first], gx_dps[last:]])))
+    turned_deg = float(np.sum(gx_dps[first:last] - bias_dps)) / 100
+    estimate = next(e for e in calibrate(session, methods=["model"]) if e.axis == "x")
+    assert estimate.bias_dps == pytest.approx(bias_dps, abs=0.02)
+    assert estimate.scale == pytest.approx(turned_deg / 90 - 1, abs=0.01)
