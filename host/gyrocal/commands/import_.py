@@ -126,10 +126,7 @@ def run(
         joined or (),
     ))  # fmt: skip
     _preview(found, preview)
-    if as_json:
-        decided(found)
-    else:
-        confirmed(found, yes, "Import it so?")
+    _agreed(found, yes, as_json)
     _tell(found, found.save(out, append=append), out, as_json)
 
 
@@ -180,6 +177,13 @@ def _preview(found: "Imported", file: Path | None) -> None:
         from gyrocal.present.preview import draw
 
         draw(found.session, file)
+
+
+def _agreed(found: "Imported", yes: bool, as_json: bool) -> None:
+    if as_json:
+        decided(found)
+    else:
+        confirmed(found, yes, "Import it so?")
 
 
 def confirmed(found: "Imported", yes: bool, question: str) -> None:

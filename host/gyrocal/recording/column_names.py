@@ -74,8 +74,8 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     """
     spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
     units = rf"(?:[_.]?(?:{spelled}|mdps|deg|mg|gs?|raw))?"
-    kind = r"(?:[_.]?(?:cal|calib|calibrated|raw|out|value|cnt|counts?|lsb))?(?:_\d{1,2})?"
-    which = r"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{1,2})?"
+    kind = r"(?:[_.]?(?:cal|calib|calibrated|raw|out|value|axis|cnt|counts?|lsb))?(?:_\d{1,2})?"
+    which = r"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{1,3})?"
     stem = rf"(?:.*[/._])?(?:{words}){which}{units}"
     bare = {name: bare_name(name)[0] for name in source.frame.columns}
     number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)

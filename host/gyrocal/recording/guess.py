@@ -133,12 +133,10 @@ def guess(
 def _acceleration(source: Source) -> list[Guess]:
     """The three columns of an accelerometer: of several the first with gravity, which a phone's linear acceleration lacks."""
     each = [every_named(source, ACCELERATION, axis) for axis in AXES]
-    tried = [(names, unit_of_acceleration(source, names)) for names in zip(*each, strict=False)]
-    taken = next((t for t in tried if t[1] is not None), None)
-    if taken is None or taken[1] is None:
-        return []
-    names, unit = taken[0], taken[1]
-    return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
+    for names in zip(*each, strict=False):
+        if (unit := unit_of_acceleration(source, names)) is not None:
+            return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
+    return []
 
 
 def _with_reference(known: Known, source: Source, found: Mapping[str, Guess]) -> Known:

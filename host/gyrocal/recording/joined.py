@@ -13,6 +13,7 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap, Scaling
 from gyrocal.recording.guess import time_column
+from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import between
@@ -42,13 +43,12 @@ def recordings(files: Sequence[Path]) -> list[Files]:
         groups.setdefault(re.sub(rf"{GYROSCOPE}|{OF_OTHERS}", "*", _words(file)), []).append(file)
     found = []
     for group in groups.values():
-        gyroscopes = [f for f in group if re.search(GYROSCOPE, _words(f)) and not re.search(DERIVED, _words(f))]
-        others = [f for f in group if re.search(OF_OTHERS, _words(f)) and not re.search(DERIVED, _words(f))]
-        if len(gyroscopes) == 1 and others:
+        own = [f for f in group if not re.search(DERIVED, _words(f))]
+        gyroscopes = [f for f in own if re.search(GYROSCOPE, _words(f))]
+        others = [f for f in own if f not in gyroscopes and re.search(OF_OTHERS, _words(f))]
+        if len(gyroscopes) == 1:
             found.append(Files(gyroscopes[0], tuple(sorted(others, key=lambda f: "total" not in _words(f)))))
-    if not found:
-        return [Files(file) for file in files]
-    return found
+    return found if any(f.others for f in found) else [Files(file) for file in files]
 
 
 def _words(file: Path) -> str:
@@ -89,7 +89,7 @@ def _time_of(source: Source) -> ColumnMap:
     return ColumnMap.parse(found.map, Scaling())
 
 
-def _at(t_s: np.ndarray, start_s: float, other: Source, file: Path) -> list[pl.Series]:
+def _at(t_s: Array, start_s: float, other: Source, file: Path) -> list[pl.Series]:
     """The columns of numbers of another table at times [n], s, that count from ``start_s`` of its clock."""
     time = _time_of(other)
     known_s = other.numbers(time) + (other.start_s(time) - start_s)
