@@ -70,11 +70,13 @@ def test_samples_that_were_taken_unevenly_keep_their_times(tmp_path: Path) -> No
         np.sort(TRUE_S + rng.uniform(0, 0.006, N)),  # a poll that waits, and reads when it is back
         np.cumsum(rng.uniform(0.004, 0.016, N)),
         stamped("alternating", TRUE_S, rng),
+        np.cumsum(np.where(np.arange(N) % 10 == 9, 0.0015, 0.0109)),  # two readings at once now and then
         np.delete(TRUE_S, rng.choice(N, 400, replace=False)),
     ):
         kept, found = imported(tmp_path, t_s, rates(t_s, rng))
         assert kept == pytest.approx(t_s - t_s[0], abs=1e-6)
         assert "times" not in found.repaired
+        assert found.session.runs[0].sample_s == pytest.approx(kept, abs=1e-9)
 
 
 def test_a_host_that_was_late_at_rest_has_lost_nothing(tmp_path: Path) -> None:
