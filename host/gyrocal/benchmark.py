@@ -15,6 +15,7 @@ from gyrocal.present.output import stderr, stdout, table
 ROOT = Path(__file__).parents[2]
 FROM_A_FOLDER = (
     "paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field", "references", "edge",
+    "strangers",
 )  # fmt: skip
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"

@@ -145,9 +145,12 @@ def test_a_guess_needs_consent(log: Path, capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize("consent", ["--yes", "--json"])
 def test_a_guess_is_taken_by_yes_or_json_and_told(log: Path, consent: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = log.with_name("out")
-    assert main(["import", str(log), str(out), "--rate", "78", consent]) == 0
+    assert main(["import", str(log), str(out), "--rate", "170", consent]) == 2  # 3 may be deg/s or rad/s
+    assert "the unit of gyro_x is not known" in capsys.readouterr().err
+    log.write_text(log.read_text().replace("gyro_x,gyro_y,gyro_z", "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s"))
+    assert main(["import", str(log), str(out), "--rate", "170", consent]) == 0
     said = capsys.readouterr().out
-    assert "gz_dps=gyro_z:rad/s" in (json.loads(said)["guessed"] if consent == "--json" else said)
+    assert "gz_dps=gyro_z_rad_s:rad/s" in (json.loads(said)["guessed"] if consent == "--json" else said)
     assert np.abs(Session.open(out).runs[0].gyro_dps).max() == pytest.approx(np.degrees(3), rel=0.01)
 
 

@@ -125,3 +125,32 @@ def test_what_is_advised_for_a_reference_serves_its_file(imu: Path, capsys: pyte
     assert "ref_angle_deg" in Session.open(imu.with_name("out")).runs[0].table.columns
     assert main(["import", str(imu), str(imu.with_name("new")), "--ref-columns", "t,enc"]) == 2
     assert "--ref-columns takes columns of a second file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("place", ["times.txt", "poses/times.txt"])
+def test_poses_of_kitti_have_the_times_of_the_file_beside_them(imu: Path, place: str) -> None:
+    matrices = np.concatenate([Rotation.from_quat(Q).as_matrix(), PLACE[:, :, None]], axis=2).reshape(-1, 12)
+    poses = trajectory(imu, "", matrices)
+    (imu.parent / place).parent.mkdir(exist_ok=True)
+    np.savetxt(imu.parent / place, START_S + U_S, "%.6f")
+    check(read(imu, poses))
+    np.savetxt(imu.parent / place, START_S + U_S[:-3], "%.6f")
+    with pytest.raises(InputError, match=r"times.txt: \d+ times, and .*poses.txt has \d+ poses"):
+        read(imu, poses)
+
+
+@pytest.mark.parametrize("names", ["r{}{}", "R{}{}", "rot_{}_{}", "m[{}][{}]"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_rotation_matrix_is_an_orientation(imu: Path, names: str, first: int) -> None:
+    cells = Rotation.from_quat(Q).as_matrix().reshape(-1, 9)
+    head = ",".join(["time", *(names.format(i + first, j + first) for i in range(3) for j in range(3))])
+    found = read(imu, trajectory(imu, head, np.column_stack([START_S + U_S, cells]), ","))
+    assert "ref_qw=matrix.qw" in {g.map for g in found.guessed}
+    check(found)
+
+
+def test_nine_columns_that_are_no_rotation_are_no_reference(imu: Path) -> None:
+    cells = -Rotation.from_quat(Q).as_matrix().reshape(-1, 9)
+    head = ",".join(["time", *(f"r{i}{j}" for i in "123" for j in "123")])
+    with pytest.raises(InputError, match="no time and reference are recognized"):
+        read(imu, trajectory(imu, head, np.column_stack([START_S + U_S, cells]), ","))

@@ -10,7 +10,7 @@ from gyrocal.commands import AsJson
 NAMES = (
     "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors), "
     "fleet (many boards), soak (hours of faults), field (sessions as users bring them), references (each kind of reference), "
-    "edge (sure names and probabilities where they are hard) or real (recordings by others)."
+    "edge (sure names and probabilities where they are hard), real (recordings by others) or strangers (public files read)."
 )
 
 

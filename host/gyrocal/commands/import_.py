@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 CUT = "NAME:START:END[:key=value,...]"
 REPAIRED = {
+    "rests": "runs at rest were made of the still parts before and after a known turn",
+    "hung": "runs lost the stretches in which the sensor hung and repeated one reading",
     "times": "times were replaced by their regression on the sample's number",
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",
@@ -57,6 +59,10 @@ RefMap = Annotated[
         help="Take a column of it instead of a guess: its t_s, and e.g. ref_angle_deg=enc:rad.",
     ),
 ]
+Join = Annotated[
+    list[Path] | None,
+    typer.Option("--join", metavar="FILE", help="A file of another sensor of the same recording, joined on time."),
+]
 Gravity = Annotated[
     bool, typer.Option("--gravity", help="Turned by hand between rests: gravity is the reference, no rate is known.")
 ]
@@ -84,6 +90,7 @@ def run(
     ref_columns: Annotated[str | None, typer.Option(help="Names of all its columns, if it has no header.")] = None,
     ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
     gravity: Gravity = False,
+    joined: Join = None,
     runs: Runs = None,
     sections: Sections = None,
     run_meta: RunMeta = None,
@@ -116,10 +123,10 @@ def run(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
         names_of(columns), skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
+        joined or (),
     ))  # fmt: skip
     _preview(found, preview)
-    if not as_json:
-        confirmed(found, yes, "Import it so?")
+    _agreed(found, yes, as_json)
     _tell(found, found.save(out, append=append), out, as_json)
 
 
@@ -172,6 +179,13 @@ def _preview(found: "Imported", file: Path | None) -> None:
         draw(found.session, file)
 
 
+def _agreed(found: "Imported", yes: bool, as_json: bool) -> None:
+    if as_json:
+        decided(found)
+    else:
+        confirmed(found, yes, "Import it so?")
+
+
 def confirmed(found: "Imported", yes: bool, question: str) -> None:
     """Show what each column is taken for, and ask a person whether to take a guess."""
     _show(found)
@@ -198,12 +212,27 @@ def _confirm(found: "Imported", yes: bool, question: str) -> None:
     from gyrocal.errors import InputError
 
     if yes or not found.guessed:
+        decided(found)
         return
     same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
     if not sys.stdin.isatty():
         raise InputError(f"nobody is there to confirm this guess; take it by --yes, or change it: {same}")
     if not typer.confirm(question, default=True):
         raise InputError(f"nothing is written; change the guess and run it again with: {same}")
+
+
+def decided(found: "Imported") -> None:
+    """Raise InputError if something was guessed that the file does not decide, so that a person has to say it."""
+    from gyrocal.errors import InputError
+
+    asked = [g for g in found.guessed if g.asks]
+    if asked:
+        stated, _, unit = asked[0].map.rpartition(":")
+        other = "dps" if unit == "rad/s" else "rad/s"
+        raise InputError(
+            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): nothing in the recording decides between "
+            f"them. Say which it is: {' '.join(f'--map {chr(39)}{g.map}{chr(39)}' for g in asked)}, or :{other} in each"
+        )
 
 
 def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> None:

@@ -21,6 +21,10 @@ ENTRIES = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """Entries of M that are free, in the order of the parameters; the three biases follow."""
 PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
 """Prior standard deviations: a few percent in scale and angle (MPU-6050 datasheet: +-3 %, +-2 %), 0.1 g in bias."""
+WIDER = 5.0
+"""Factor on these for an accelerometer whose scale is wrong."""
+SIZES_G = (0.1, 3.0)
+"""Sizes of an acceleration at rest that are in no other unit, g."""
 LEAST_NOISE_G = 2e-5
 ITERATIONS = 30
 
@@ -78,20 +82,24 @@ def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
     """Calibrate the accelerometer from the means of rests.
 
     ``white_g`` [rests] is the noise of each mean, averaged over the axes. Scatter of the sizes beyond it (because the part
-    settles differently in each pose) is added to the noise of every rest. Raises InputError if the means are not near 1 g.
+    settles differently in each pose) is added to the noise of every rest. Raises InputError if the means are
+    in another unit. An accelerometer whose scale is wrong is calibrated from its rests alone.
     """
     means = np.array([r.acc_g for r in rests])
     sizes = np.linalg.norm(means, axis=1)
-    if abs(float(np.median(sizes)) - 1) > POLICY.gravity_size_g:
+    size, off = float(np.median(sizes)), POLICY.gravity_size_g
+    if not SIZES_G[0] < size < SIZES_G[1]:
         raise InputError(
-            f"the acceleration at rest is {np.median(sizes):.4g}, and gravity is 1 g; give its unit when importing "
+            f"the acceleration at rest is {size:.4g}, and gravity is 1 g; give its unit when importing "
             "(--map ax_g=COLUMN:m/s2), or the scale of raw counts"
         )
+    wrong = abs(size - 1) > off or float(np.std(sizes)) > off * size
+    prior = (size, WIDER * size * PRIOR_SD) if wrong else (1.0, PRIOR_SD)
     extra_g = 0.0
     for _ in range(3):
         noise_g = np.maximum(np.hypot(white_g, extra_g), LEAST_NOISE_G)
-        found = _least_squares(means, noise_g)
-        freedom = len(rests) - _effective(found)
+        found = _least_squares(means, noise_g, *prior)
+        freedom = len(rests) - _effective(found, prior[1])
         if freedom < 3 or found.misfit <= 1:
             break
         residual = np.linalg.norm(found.true_g(means), axis=1) - 1
@@ -99,15 +107,17 @@ def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
     return found
 
 
-def _effective(found: Accelerometer) -> float:
+def _effective(found: Accelerometer, prior_sd: Array) -> float:
     """Number of parameters that the data determine rather than the prior."""
-    return float(len(PRIOR_SD) - np.sum(np.diag(found.covariance) / PRIOR_SD**2))
+    return float(prior_sd.size - np.sum(np.diag(found.covariance) / prior_sd**2))
 
 
-def _least_squares(means: Array, noise_g: Array) -> Accelerometer:
-    found = Accelerometer(np.eye(3), np.zeros(3), np.zeros((9, means.size)), np.diag(PRIOR_SD**2), noise_g, 1.0)
-    prior = np.diag(1 / PRIOR_SD**2)
-    start = _parameters(np.eye(3), np.zeros(3))
+def _least_squares(means: Array, noise_g: Array, scale: float, prior_sd: Array) -> Accelerometer:
+    """The accelerometer whose three scales are near ``scale``, within ``prior_sd`` [9] of the parameters."""
+    first = scale * np.eye(3)
+    found = Accelerometer(first, np.zeros(3), np.zeros((9, means.size)), np.diag(prior_sd**2), noise_g, 1.0)
+    prior = np.diag(1 / prior_sd**2)
+    start = _parameters(first, np.zeros(3))
     for _ in range(ITERATIONS):
         true_g = found.true_g(means)
         sizes = np.linalg.norm(true_g, axis=1)
@@ -125,7 +135,7 @@ def _least_squares(means: Array, noise_g: Array) -> Accelerometer:
         found = Accelerometer(matrix, bias_g, gain, covariance @ prior @ covariance, noise_g, chi2)
         if np.max(np.abs(step)) < 1e-12:
             break
-    freedom = max(len(means) - _effective(found), 1.0)
+    freedom = max(len(means) - _effective(found, prior_sd), 1.0)
     return Accelerometer(
         found.matrix, found.bias_g, found.gain, found.prior_cov, noise_g, float(np.sqrt(found.misfit / freedom))
     )

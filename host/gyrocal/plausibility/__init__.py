@@ -44,7 +44,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *dead,
         *noise.unit_unsure(session, {w.file for w in moved}),
         *readings.clipped(session, Model.open(model), levels_dps),
-        *columns.check(session),
+        *columns.check(session, {w.file for w in moved}),
         *about_reference,
         *readings.first_sample(session, levels_dps),
         *header.check(session),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import numpy as np
 
 from gyrocal.plausibility.runs import told
@@ -11,11 +13,13 @@ from gyrocal.recording.stamps import in_bursts, period_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
+STILL_S, STILL_PART = 0.4, 0.3
+"""Length of the windows, s, and the part of them in which a sensor in a hand turns least."""
 
 
-def check(session: Session) -> list[Warning]:
-    """``sample_rate``, ``accel_unit`` and ``temp_unit``."""
-    return [*_sample_rate(session), *_acceleration(session), *_temperature(session)]
+def check(session: Session, moved: Set[str | None] = frozenset()) -> list[Warning]:
+    """``sample_rate``, ``accel_unit`` and ``temp_unit``. The files of ``moved`` are no rests."""
+    return [*_sample_rate(session), *_acceleration(session, moved), *_temperature(session)]
 
 
 def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
@@ -24,15 +28,17 @@ def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
     return {(axis, r.file) for axis in AXES for r in hit}
 
 
-def _acceleration(session: Session) -> list[Warning]:
+def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
     """``accel_unit``, from the mean acceleration of each run at rest, in which vibration averages out.
 
-    Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias.
+    Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias. Where
+    every rest moved, accelerations are no gravity, and only another unit is told.
     """
-    if session.reference.kind == "gravity":  # the rests are found with the session, and a wrong unit is refused there
-        return []
+    if session.reference.kind == "gravity":
+        return _by_hand(session)
     runs = [(r, r.acc_g) for r in session.runs if r.acc_g is not None]
-    rests = [a for r, a in runs if not r.rate_is_mean and not np.any(r.rate_dps) and np.isfinite(a).any(axis=0).all()]
+    said = [(r, a) for r, a in runs if not r.rate_is_mean and not np.any(r.rate_dps) and np.isfinite(a).any(axis=0).all()]
+    rests = [a for r, a in said if r.file not in moved]
     at_rest = [np.nanmean(a, axis=0)[None] for a in rests]
     at_rest = at_rest or [a[r.rate_dps == 0.0] for r, a in runs if not r.rate_is_mean and np.any(r.rate_dps == 0.0)]
     samples = np.concatenate(at_rest or [a for _, a in runs] or [np.empty((0, 3))])
@@ -44,10 +50,39 @@ def _acceleration(session: Session) -> list[Warning]:
     if abs(norm - 1) <= POLICY.gravity_off:
         return []
     unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < POLICY.gravity_off), None)
+    if said and not rests and unit is None:
+        return []
     guess = f"it is in {unit}" if unit else "its unit or its scale is wrong"
     text = (
         f"the acceleration at rest is {norm:.4g}, and gravity is 1 g: {guess}. "
         f"Give the unit when importing (--map ax_g=COLUMN:{unit or 'UNIT'})"
+    )
+    return [Warning("accel_unit", None, None, text)]
+
+
+def _by_hand(session: Session) -> list[Warning]:
+    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations where it turned least."""
+    means, spreads = [], []
+    for run in session.runs:
+        size = max(2, round(STILL_S * run.sample_rate_hz))
+        count = len(run) // size
+        if run.acc_g is None or not count:
+            continue
+        means.append(run.acc_g[: count * size].reshape(count, size, 3).mean(axis=1))
+        spreads.append(run.gyro_dps[: count * size].reshape(count, size, 3).std(axis=1).sum(axis=1))
+    if not means:
+        return []
+    spread, norms = np.concatenate(spreads), np.linalg.norm(np.concatenate(means), axis=1)
+    norms = norms[(spread <= np.quantile(spread, STILL_PART)) & np.isfinite(norms)]
+    if not norms.size:
+        return []
+    low, middle, high = np.quantile(norms, [0.05, 0.5, 0.95])
+    if abs(middle - 1) <= POLICY.gravity_off and high - low <= 4 * POLICY.gravity_off * middle:
+        return []
+    text = (
+        f"the acceleration at rest is {middle:.4g}, from {low:.3g} to {high:.3g} over the poses, and gravity is 1 g: the scale "
+        "or the bias of the accelerometer is wrong, or its unit. Gravity's direction rests on what the poses say of them; give "
+        "the scale when importing (--map ax_g=COLUMN*FACTOR), and record twelve poses or more"
     )
     return [Warning("accel_unit", None, None, text)]
 

@@ -25,6 +25,16 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
             seen.add(run.file)
             continue
         for axis in AXES:
+            low_dps, high_dps = _steady_dps(run, axis)
+            if high_dps > low_dps:
+                text = (
+                    f"the run is said to be at rest, but {axis} reads {low_dps:.3g} dps for a while and {high_dps:.3g} for a "
+                    "while, with a step between: the sensor turned steadily. Cut the run there (--run when importing), or give "
+                    "the true rate"
+                )
+                out.append(Warning("not_at_rest", axis, run.file, text, True))
+                seen.add(run.file)
+                continue
             step_dps = _moves_dps(run, axis)
             if step_dps > 0:
                 text = (
@@ -35,6 +45,9 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
                 seen.add(run.file)
     for axis in AXES:
         rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
+        turning = [m for m in rests if _beyond_a_bias(m.mean_dps - _bias_dps(means, lines, axis))]
+        out += [Warning("not_at_rest", axis, m.run.file, _steady_text(m, axis), True) for m in turning]
+        rests = [m for m in rests if m not in turning]
         apart = _apart(rests, _scatter_dps(lines, axis), _bias_dps(means, lines, axis))
         out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in apart]
     return out
@@ -74,6 +87,18 @@ def _apart(rests: list[Mean], scatter_dps: float, bias_dps: float) -> list[Mean]
     return out
 
 
+def _beyond_a_bias(off_dps: float) -> bool:
+    """True if a steady reading is no bias but a turn; one that is larger still is a wrong zero (``bias_implausible``)."""
+    return POLICY.rest_alone_dps < abs(off_dps) <= POLICY.largest_bias_dps
+
+
+def _steady_text(m: Mean, axis: str) -> str:
+    return (
+        f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps throughout, and gyroscopes have a bias of a "
+        "few: the sensor turned steadily. Give its true rate (table_rate_dps), or record the rest with the sensor still"
+    )
+
+
 def _text(m: Mean, rests: list[Mean], axis: str) -> str:
     others = float(np.median([o.mean_dps for o in rests if o is not m]))
     return (
@@ -94,6 +119,21 @@ def _moves_dps(run: Run, axis: str) -> float:
     step_dps = float(np.median(np.abs(np.diff(y.mean(axis=1)))))
     noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 3 / size))
     return step_dps if step_dps > max(POLICY.rest_off_dps, POLICY.rest_spreads * noise_dps) else 0.0
+
+
+def _steady_dps(run: Run, axis: str) -> tuple[float, float]:
+    """The two readings between which a run steps, deg/s: each is that of a tenth of its seconds at least. Equal ones: none.
+
+    A bias that wanders with temperature goes as far without a step.
+    """
+    size = max(10, round(WINDOW_S * run.sample_rate_hz))
+    y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size).mean(axis=1)
+    if len(y) < 10:
+        return 0.0, 0.0
+    low, high = (float(v) for v in np.quantile(y, [0.1, 0.9]))
+    steps = np.abs(y[2:] - y[:-2])
+    steady = np.median(steps) < POLICY.rest_off_dps
+    return (low, high) if steady and high - low > POLICY.rest_part_dps and steps.max() > POLICY.rest_part_dps else (0.0, 0.0)
 
 
 def _gravity_turns_deg(run: Run) -> float:

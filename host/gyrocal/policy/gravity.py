@@ -60,8 +60,10 @@ class Gravity:
         larger="a sensor that turns about gravity counts as a rest", smaller="ordinary scatter removes rests", chosen_by=RESTS,
     )  # fmt: skip
     gravity_size_g: float = threshold(
-        0.35, "deviation of the median acceleration at rest from 1 g above which a session is refused, g",
-        larger="accelerations in another unit are calibrated", smaller="poor accelerometers are refused",
+        0.1, "deviation of the median acceleration at rest from 1 g, and spread of its size over the poses, from which on the "
+        "accelerometer's scale and bias are taken from the rests, with little trust in those that it states, g",
+        larger="wrong scales bend the directions of gravity", smaller="few poses leave the directions of gravity open",
+        chosen_by="the warning accel_unit has the same limit; pytest tests/gravity/test_wrong_accelerometer.py",
     )  # fmt: skip
 
     # Calibration

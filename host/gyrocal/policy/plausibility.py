@@ -226,6 +226,17 @@ class Plausibility:
         1.0, "smallest deviation of a rest's mean from the other rests that is reported, dps",
         larger="slow motion in a run at rest is not reported", smaller="warm-up and drift are called motion", chosen_by=SLOPES,
     )  # fmt: skip
+    rest_alone_dps: float = threshold(
+        25.0, "mean of a rest, less the bias of turning runs where there are some, from which on the part turns steadily, dps",
+        larger="a robot that spins steadily is taken for a biased part at rest", smaller="poor parts are called turning",
+        chosen_by="half of largest_bias_dps; pytest tests/plausibility/test_steady_turns.py",
+    )  # fmt: skip
+    rest_part_dps: float = threshold(
+        10.0, "difference of two steady readings, each in a tenth of a rest at least, with a step between them, that is "
+        "reported, dps",
+        larger="a part that turns steadily for a while is taken for one at rest", smaller="a jump of the bias is called motion",
+        chosen_by="pytest tests/plausibility/test_steady_turns.py",
+    )  # fmt: skip
     rest_spreads: float = threshold(
         6.0, "standard deviations of the other rests by which a rest must also deviate",
         larger="motion is not reported if power cycles scatter", smaller="one is reported if all rests scatter",

@@ -3,45 +3,63 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from gyrocal.recording.run import AXES
 from gyrocal.recording.source import Source
 
 GYRO = (
-    r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?rate|w_rs_s|imu\.gyro|"
+    r"gyro(?:scope)?s?|gyro_?adc|gyro_?(?:raw|unfilt|out|rotation|rate)|giro(?:scopio)?s?|gyrs?|gyr_rad_s|g|gy|w|omega|"
+    r"ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?(?:rate|speed)|w_rs_s|imu\.gyro|(?:turn|body)_?rates?|pqr|"
     r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz"
 )
+SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
+"""Words that are clear also behind the axis, as in ``x_gyro``."""
 TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 BODY_RATES = {"x": "p", "y": "q", "z": "r"}
 """Names of flight mechanics, which single letters are only beside :data:`OF_A_BODY` or a unit of a rate."""
 OF_A_BODY = {"phi", "theta", "psi", "roll", "pitch", "yaw", "u", "v", "w", "ax", "ay", "az", "alpha", "beta"}
-NO_READING = r"(?:.*[/._ -])?(?:b_[wa]_rs_s|bias|biases)(?:[/._ -].*)?"
+NO_READING = r"(?:.*[/._])?(?:b_[wa]_rs_s|bias|biases)(?:[/._].*)?"
 """Words of a column that holds an estimated bias of a sensor, and none of its readings."""
 UNIT_WORDS = {
     "t_s": {
-        "ns": "ns|nsec|nanoseconds", "us": "us|usec|micros|microseconds", "ms": "ms|msec|millis|milliseconds",
-        "s": "s|sec|secs|seconds",
+        "ns": "ns|nsec|nanoseconds?", "us": "us|µs|usec|micros|microseconds?", "ms": "ms|msec|millis|milliseconds?",
+        "s": "s|secs?|seconds?",
     },
     "gyro": {
-        "rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps|rad(?:ian)?s?_per_s(?:ec(?:ond)?)?", "mdps": "mdps",
-        "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s|deg(?:ree)?s?_per_s(?:ec(?:ond)?)?",
+        "rad/s": r"rads?|radians?|rad(?:ian)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|radps|rad(?:ian)?s?_per_s(?:ec(?:ond)?)?",
+        "mdps": r"mdps|millidps|mdeg/s",
+        "dps": r"dps|[°ºo]/s(?:ec|econd)?|d/s|deg(?:ree)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|degs|"
+        r"deg(?:ree)?s?_per_s(?:ec(?:ond)?)?",
     },
     "acceleration": {
-        "m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2|m(?:eter)?s?_per_s(?:ec(?:ond)?)?(?:2|_squared)", "mg": "mg", "g": "gs?",
+        "m/s2": r"m/s2|m/s/s|m_?[.]?s-?2|ms2|mps2|m(?:eter)?s?_per_s(?:ec(?:ond)?)?(?:2|_squared)",
+        "mg": "mg|milli_?gs?", "g": "gs?|g's|g_force",
     },
-    "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°"},
-    "temp_c": {"degC": "c|degc|°c|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
+    "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°|º"},
+    "temp_c": {"degC": "c|degc|°c|℃|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
 }  # fmt: skip
-"""Words in a column's name that state its unit."""
+"""Words in a column's name that state its unit, as :func:`bare_name` writes them."""
+BRACKETS = r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*"
+CAMEL = ((r"(?<![A-Za-z])mG(?![a-z])", "mg"), (r"deg([CFK])\b", r"deg_\1"), (r"(?<=[a-z0-9])(?=[A-Z])", "_"))
+CAMEL_OF_CAPITALS = r"(?<=[A-Z]{2})(?=[A-Z][a-z])"
+MOST_OF_A_KIND = 3
+"""Columns that are numbered further are of several sensors."""
 
 
 def bare_name(name: str) -> tuple[str, str]:
-    """A column's name without its unit, in lower case, and the unit's words: ``Gyro X (rad/s)``, ``w_RS_S_x [rad s^-1]``."""
-    name = name.strip().removesuffix("[]")
-    match = re.fullmatch(r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*", name)
+    """A column's name without its unit, in lower case with ``_`` between its words, and the unit's words.
+
+    ``Gyro X (rad/s)`` is ``gyro_x`` and ``rad/s``, ``gyroRotationX`` is ``gyro_rotation_x``, ``w_RS_S_x [rad s^-1]`` is
+    ``w_rs_s_x`` and ``rad_s-1``.
+    """
+    name = re.sub(r"[\[(]([xyzXYZ])[\])]", r"_\1", name.strip().removesuffix("[]"))
+    match = re.fullmatch(BRACKETS, name)
     bare, unit = (match[1], match[2]) if match else (name, "")
-    return bare.strip(" #").lower(), unit.strip().lower()
+    for pattern, written in CAMEL:
+        bare = re.sub(pattern, written, bare)
+    bare = re.sub(r"[ :\-_]+", "_", re.sub(CAMEL_OF_CAPITALS, "_", bare).strip(" #").lower()).strip("_")
+    return bare, re.sub(r" +", "_", unit.strip().lower().replace("²", "2").replace("^", "").replace("⁻¹", "-1"))
 
 
 def first_named(source: Source, words: str, axis: str) -> str | None:
@@ -50,18 +68,51 @@ def first_named(source: Source, words: str, axis: str) -> str | None:
 
 
 def every_named(source: Source, words: str, axis: str) -> list[str]:
-    """The columns whose names are one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``; else ``yaw_rate``."""
-    index = str(AXES.index(axis))
-    number = rf"\.{index}|\[{index}\]"
+    """The columns whose names are one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``; else ``yaw_rate``.
+
+    The axis may come first (``x_gyro``), or be a number from 0 or 1.
+    """
     spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
-    units = rf"(?:[ _.-]?(?:{spelled}|rad|rad_?s|mdps|deg|m_?s2|mps2|mg|gs?|raw))?"
-    kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
-    named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
-    turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
+    units = rf"(?:[_.]?(?:{spelled}|mdps|deg|mg|gs?|raw))?"
+    kind = r"(?:[_.]?(?:cal|calib|calibrated|raw|out|value|axis|cnt|counts?|lsb))?(?:_\d{1,2})?"
+    which = r"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{1,3})?"
+    stem = rf"(?:.*[/._])?(?:{words}){which}{units}"
     bare = {name: bare_name(name)[0] for name in source.frame.columns}
+    number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)
+    behind = rf"(?:.*[/._])?{axis}_?(?={SPELLED})(?:{words}){units}{kind}"
+    named = rf"{stem}(?:[_.]?{axis}|{number}){units}{kind}|{behind}"
     found = [name for name, word in bare.items() if re.fullmatch(named, word) and not re.fullmatch(NO_READING, word)]
     found = [name for name in found if "rot" not in bare[name] or not _is_orientation(name, bare)]
-    return found or [n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, bare_name(n)[0])]
+    turn = rf"(?:.*[/._])?{TURNS[axis]}_?(?:rate|speed|velocity){units}"
+    return found or [name for name, word in bare.items() if GYRO in words and re.fullmatch(turn, word)]
+
+
+def _counted(stem: str, tail: str, names: Collection[str], axis: str) -> str:
+    """The number of the axis as an alternative of a pattern, where the columns of a stem are 0, 1, 2 or 1, 2, 3 and no more."""
+    there = {n: any(re.fullmatch(rf"{stem}_?{n}{tail}", name) for name in names) for n in range(MOST_OF_A_KIND + 2)}
+    for first in (0, 1):
+        inside = all(there[first + i] for i in range(MOST_OF_A_KIND))
+        if inside and not there[first + MOST_OF_A_KIND] and not (first and there[0]):
+            return rf"|_?{first + AXES.index(axis)}"
+    return ""
+
+
+def with_unit_of_rate(source: Source) -> dict[str, str]:
+    """The columns by axis that no word names as a gyroscope's but the unit behind their names: ``AsX(°/s)``."""
+    found: dict[str, str] = {}
+    for axis in AXES:
+        for name in source.frame.columns:
+            bare, unit = bare_name(name)
+            stated = any(re.fullmatch(words, unit) for words in UNIT_WORDS["gyro"].values())
+            axial = re.fullmatch(rf"(?:.*_)?(?:[a-z]*_)?{axis}(?:_axis|_value)?|.*[a-z]{axis}", bare)
+            if stated and axial and not re.fullmatch(rf"{NO_READING}|.*(?:angle|ref|truth).*", bare):
+                found.setdefault(axis, name)
+    return found if len(found) == len(AXES) else {}
+
+
+def alone(name: str) -> str:
+    """The axis that is all of a column's name in a file of one sensor: ``x``, ``X_value``, ``x-axis (deg/s)``."""
+    return re.sub(r"_(?:axis|value)$", "", bare_name(name)[0])
 
 
 def _is_orientation(name: str, bare: Mapping[str, str]) -> bool:
@@ -81,6 +132,6 @@ def stated_unit(name: str, kind: str) -> str | None:
     """The unit in a column's name, of a ``kind`` of :data:`UNIT_WORDS`; None if it states none."""
     bare, unit = bare_name(name)
     for known, words in UNIT_WORDS[kind].items():
-        if re.fullmatch(words, unit) or re.search(rf"(?:^|[ _.-])(?:{words})(?:$|[ _.-](?:[xyz]|\d)$|\[\d\]$)", bare):
+        if re.fullmatch(words, unit) or re.search(rf"(?:^|[_.])(?:{words})(?:$|[_.](?:[xyz]|\d)$|\[\d\]$)", bare):
             return known
     return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -12,15 +12,12 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
-from gyrocal.recording.stamps import goes_back, in_bursts, regression, step_range_s
+from gyrocal.recording.stamps import step_range_s
 from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
-from gyrocal.warning import Warning
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
-LONGEST_S = 1e9
-"""Times that span more than this, thirty years, are no times of one recording."""
 TWICE = 0.9
 """Part of the rows with the time of the row before that repeat it as a whole, where rows were written twice."""
 LONGER = 1.5
@@ -219,38 +216,3 @@ def unwrapped(angle_deg: Array) -> Array:
     out = angle_deg.copy()
     out[known] = np.unwrap(angle_deg[known], period=360.0)
     return out
-
-
-def even(
-    t_s: Array, where: Callable[[int], str], file: str, advice: Callable[[int], str] = lambda _: "delete what is not part of it"
-) -> tuple[Array, Warning | None]:
-    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts.
-
-    ``where`` names a sample, and ``advice`` says what to do where the times go back at it.
-    """
-    if not in_bursts(t_s):
-        return t_s, None
-    steps_s = np.diff(t_s)
-    if goes_back(t_s):
-        later = int(np.argmin(steps_s)) + 1
-        back = f"time goes back by {-steps_s[later - 1]:.4g} s, to another recording"
-        raise InputError(f"{where(later)}: {back}; {advice(later)}")
-    if t_s[-1] <= t_s[0]:
-        repeated = int(np.argmax(steps_s <= 0)) + 1
-        raise InputError(f"{where(repeated)}: time repeats or goes back; {advice(repeated)}")
-    if t_s[-1] - t_s[0] > LONGEST_S:
-        longest = int(np.argmax(steps_s)) + 1
-        raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
-    stamps = regression(t_s)
-    what = "the times repeat or come in bursts, "
-    if stamps.set_back:
-        place, by_s = stamps.set_back[0]
-        more = f" and {len(stamps.set_back) - 1} times more" if len(stamps.set_back) > 1 else ""
-        what = f"{where(place)}: the clock was set back by {by_s:.3g} s{more}. Moved forward by that, the times are "
-    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
-    return stamps.t_s, Warning(
-        "sample_rate", None, file,
-        f"{what}{round(1e3 * stamps.jitter_s, 3):.3g} ms rms off an even course of "
-        f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
-        "Record the sensor's own time if you can",
-    )  # fmt: skip

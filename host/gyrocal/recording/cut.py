@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -122,8 +122,13 @@ def read_sections(path: Path) -> list[Cut]:
     return cuts
 
 
-def with_meta(cuts: Sequence[Cut], rules: Iterable[str], defaults: Mapping[str, Any]) -> list[Cut]:
-    """Each cut with its keys: ``defaults``, then every rule ``PATTERN:key=value,...`` that fits, then its own."""
+def with_meta(
+    cuts: Sequence[Cut], rules: Iterable[str], defaults: Mapping[str, Any],
+    named: Callable[[str], Mapping[str, Any]] = lambda _: {},
+) -> list[Cut]:  # fmt: skip
+    """Each cut with its keys: those that ``named`` reads from its name, then ``defaults``, then every rule
+    ``PATTERN:key=value,...`` that fits, then its own.
+    """
     parsed = []
     for rule in rules:
         what = f"--run-meta {rule}"
@@ -133,10 +138,8 @@ def with_meta(cuts: Sequence[Cut], rules: Iterable[str], defaults: Mapping[str, 
         if not any(fnmatch.fnmatchcase(cut.name, pattern) for cut in cuts):
             raise InputError(f"{what}: no run is named so; there are {', '.join(c.name for c in cuts)}")
         parsed.append((pattern, parse_meta(text, what)))
-    return [
-        replace(cut, meta=_merge([defaults, *(k for p, k in parsed if fnmatch.fnmatchcase(cut.name, p)), cut.meta]))
-        for cut in cuts
-    ]
+    rules_of = {cut.name: [keys for pattern, keys in parsed if fnmatch.fnmatchcase(cut.name, pattern)] for cut in cuts}
+    return [replace(cut, meta=_merge([named(cut.name), defaults, *rules_of[cut.name], cut.meta])) for cut in cuts]
 
 
 def _merge(layers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

@@ -10,19 +10,30 @@ from pathlib import Path
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import STANDARD_GRAVITY, TARGETS, ColumnMap, Scaling
-from gyrocal.recording.column_names import GYRO, UNIT_WORDS, bare_name, body_rates, every_named, first_named, stated_unit
+from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling
+from gyrocal.recording.column_names import (
+    GYRO,
+    UNIT_WORDS,
+    alone,
+    bare_name,
+    body_rates,
+    every_named,
+    first_named,
+    stated_unit,
+    with_unit_of_rate,
+)
+from gyrocal.recording.guess_units import PHONE, Known, Motion, typical_rate_dps, unit_of_acceleration, unit_of_gyro, values_of
 from gyrocal.recording.session import AXES, Array
 from gyrocal.recording.source import Source, moments_ns
 from gyrocal.recording.stamps import period_s
 
 TIME = (
     r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|clock|zeit|all_time|"
-    r"sampletimefine|timestamp_unix"
+    r"sample_time_fine|timestamp_unix|time_?startup|ts|tow|epoch|elapsed|cts"
 )
 ACCELERATION = (
-    r"acc|accel|accelerometer|acceleration|acc_?smooth|accel_[lw][nr]|a|ac|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2|"
-    r"beschleunigung"
+    r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|gf|g_f|"
+    r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?"
 )
 TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
@@ -47,19 +58,13 @@ LEAST_DEGC = 5.0
 """A temperature that moves by less than this says nothing of the time that passed."""
 BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
-PHONE = "phones write rad/s"
-LARGEST_RAD_S = 35.0
-"""Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
-COUNTS_ABOVE = 100.0
-"""Whole numbers, of which some are larger, are raw counts."""
-COUNTS_PER_DPS = 131
-"""Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
+OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
+"""A column of a phone's file ``Gyroscope.csv`` that was joined with those of other sensors."""
 WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
 """Words of a column that says which sensor a row is of."""
 MOST_SENSORS = 16
 ALTERNATE = 0.25
 """Part of the rows from which another sensor's follow each other in turn, and are no recordings one after the other."""
-COUNTS_PER_G = (16384, 8192, 4096, 2048)
 
 
 @dataclass(frozen=True)
@@ -70,12 +75,16 @@ class Guess:
     why: str
     option: str = "--map"
     """The option that states it, ``--ref-map`` for a column of the reference's own file."""
+    asks: bool = False
+    """True if nothing in the file decides between this unit and another, so that a person has to say which it is."""
 
 
-def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, reference: bool = True) -> list[Guess]:
+def guess(
+    source: Source, scaling: Scaling, axes: Sequence[str] = AXES, reference: bool = True, known: Known = Known()
+) -> list[Guess]:
     """The mapping of a table's columns, time first; columns with a session's own names and units are taken as they are.
 
-    ``reference``: look for the true rate or angle too.
+    ``reference``: look for the true rate or angle too. ``known``: what is known of the motion beside the readings.
 
     InputError where no gyroscope is recognized, or where its unit cannot be told.
     """
@@ -83,28 +92,29 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     exact = [name for name in TARGETS if name in source.frame.columns]
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
-        _add(found, _time(source))
+        _add(found, time_column(source))
     every = {axis: every_named(source, GYRO, axis) for axis in axes}
     named = {axis: next(iter(names), None) for axis, names in every.items()}
     if not any(named.values()):
         named = body_rates(source, axes)
+    if not any(named.values()):
+        named = {axis: name for axis, name in with_unit_of_rate(source).items() if axis in axes}
     phone = not any(named.values()) and "gyro" in Path(source.label).name.lower()
     if phone:  # Gyroscope.csv of a phone: time, x, y, z
-        named = {axis: next((n for n in source.frame.columns if n.lower() == axis), None) for axis in axes}
+        named = {axis: next((n for n in source.frame.columns if alone(n) == axis), None) for axis in axes}
+    phone |= any(re.fullmatch(OF_A_PHONE, str(name)) for name in named.values())
     gyro = {axis: name for axis, name in named.items() if name is not None and f"g{axis}_dps" not in found}
-    acceleration = [first_named(source, ACCELERATION, a) for a in AXES]
-    acceleration_names = [n for n in acceleration if n is not None] if "ax_g" not in found else []
-    si = False
-    if len(acceleration_names) == 3:
-        unit, why = _unit_of_acceleration(source, acceleration_names)
-        si = unit == ":m/s2"
-        for axis, name in zip(AXES, acceleration_names, strict=True):
-            _add(found, Guess(f"a{axis}_g={name}{unit}", why))
+    if "ax_g" not in found:
+        for guessed in _acceleration(source):
+            _add(found, guessed)
+    si = any(g.map.endswith(":m/s2") for name, g in found.items() if name.startswith("a"))
     if gyro:
-        unit, why = _unit_of_gyro(source, list(gyro.values()), "the accelerometer is in m/s2" if si else PHONE * phone, scaling)
+        maker = PHONE if phone else "the accelerometer is in m/s2" if si else ""
+        unit = unit_of_gyro(source, gyro, _moves(source, found), _with_reference(known, source, found), maker, scaling)
         for axis, name in gyro.items():
             others = ", ".join(n for n in every[axis] if n != name)
-            _add(found, Guess(f"g{axis}_dps={name}{unit}", f"{why}; not {others}" if others else why))
+            why = f"{unit.why}; not {others}" if others else unit.why
+            _add(found, Guess(f"g{axis}_dps={name}{unit.text}", why, asks=not unit.sure))
     if not any(f"g{a}_dps" in found for a in AXES):
         raise InputError(
             f"{source.label}: no gyroscope is recognized among {', '.join(source.frame.columns[:40])}; say which columns to "
@@ -120,13 +130,46 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
 
 
+def _acceleration(source: Source) -> list[Guess]:
+    """The three columns of an accelerometer: of several the first with gravity, which a phone's linear acceleration lacks."""
+    each = [every_named(source, ACCELERATION, axis) for axis in AXES]
+    for names in zip(*each, strict=False):
+        if (unit := unit_of_acceleration(source, names)) is not None:
+            return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
+    return []
+
+
+def _with_reference(known: Known, source: Source, found: Mapping[str, Guess]) -> Known:
+    """What is known, with the reference that the table holds in a unit of its own, where there is one."""
+    stated = _reference(source, found)
+    guessed = _orientation(source) or ([stated] if stated is not None and "unit is in its name" in stated.why else [])
+    if not guessed or "t_s" not in found:
+        return known
+
+    def rate_dps() -> float | None:
+        maps = [ColumnMap.parse(g.map, Scaling()) for g in guessed]
+        t_s = source.numbers(ColumnMap.parse(found["t_s"].map, Scaling()))
+        return typical_rate_dps(t_s, {m.target: source.numbers(m) for m in maps})
+
+    return replace(known, reference_dps=rate_dps)
+
+
+def _moves(source: Source, found: Mapping[str, Guess]) -> Motion | None:
+    """The times and the accelerations that were recognized; None without them."""
+    wanted = ("t_s", "ax_g", "ay_g", "az_g")
+    if not set(wanted) <= set(found):
+        return None
+    t_s, *acc_g = (source.numbers(ColumnMap.parse(found[name].map, Scaling())) for name in wanted)
+    return Motion(t_s, np.column_stack(acc_g))
+
+
 def guess_reference(source: Source) -> list[Guess]:
     """The mapping of a reference's own file: its time, and an orientation, rates about three axes, or one rate or angle.
 
     InputError where none of them is recognized.
     """
     found: dict[str, Guess] = {}
-    _add(found, _time(source))
+    _add(found, time_column(source))
     for guessed in _orientation(source, rf"(?:.*[/._ ])?(?:{OWN_FILE})") or _orientation(source, ""):
         _add(found, guessed)
     rates = [first_named(source, rf"{GYRO}|{REFERENCE}", axis) for axis in AXES]
@@ -163,18 +206,13 @@ def _check_one_sensor(source: Source) -> None:
             raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
 
 
-def _values(source: Source, name: str) -> Array:
-    values = source.numbers(ColumnMap("gz_dps", name))
-    return values[np.isfinite(values)]
-
-
-def _time(source: Source) -> Guess | None:
-    """The first column that is named as a time; its unit is stated in its name, or makes a rate that gyroscopes are read at."""
-    for name in source.frame.columns:
-        bare, _ = bare_name(name)
-        units = "|".join(UNIT_WORDS["t_s"].values())
-        if not re.fullmatch(rf"(?:.*[/._ ])?(?:{TIME})(?:[ _.-]?cal)?(?:[ _.-]?(?:{units}))?", bare):
-            continue
+def time_column(source: Source) -> Guess | None:
+    """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate."""
+    units = "|".join(UNIT_WORDS["t_s"].values())
+    named = rf"(?:.*[/._])?(?:{TIME})(?:_?cal|_?since_(?:start|reboot|boot))?(?:_in)?(?:[_.]?(?:{units}))?"
+    names = [n for n in source.frame.columns if re.fullmatch(named, bare_name(n)[0])]
+    with_unit = [n for n in source.frame.columns if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
+    for name in (*names, *with_unit):
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 2 or not _runs_forward(t_s):
@@ -184,8 +222,10 @@ def _time(source: Source) -> Guess | None:
             return Guess(f"t_s={name}", "dates or times of day")
         if stated is not None:
             return Guess(f"t_s={name}:{stated}", "the unit is in its name")
+        if source.si:
+            return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
         step = period_s(np.maximum.accumulate(t_s[:2000]))
-        if bare == "sampletimefine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
+        if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
             return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
         if step > 0 and (guessed := _unit_of_time(source, name, t_s, step)) is not None:
             return guessed
@@ -221,7 +261,7 @@ def _too_fast(source: Source, duration_s: float) -> bool:
     temperature = _temperature(source)
     if temperature is None:
         return False
-    values = _values(source, temperature.map.partition("=")[2].rpartition(":")[0])
+    values = values_of(source, temperature.map.partition("=")[2].rpartition(":")[0])
     moved = float(np.ptp([part.mean() for part in np.array_split(values, 16)])) if values.size >= 16 else 0.0
     return moved > LEAST_DEGC and moved > FASTEST_DEGC_S * duration_s
 
@@ -234,59 +274,13 @@ def _runs_forward(t_s: Array) -> bool:
     return float(np.sum(steps < 0)) < BACK * float(np.sum(steps > 0))
 
 
-def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, str]:
-    stated = stated_unit(names[0], "acceleration")
-    if stated is not None or source.si:
-        return f":{stated or 'm/s2'}", "the unit is in its name" if stated else "messages of this kind are in m/s2"
-    parts = [_values(source, name) for name in names]
-    length = min(p.size for p in parts)
-    size = float(np.median(np.sqrt(sum(p[:length] ** 2 for p in parts)))) if length else 0.0
-    for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
-        if 0.8 < size / one < 1.25:
-            return f":{unit}", f"its size is {size:.4g}"
-    for counts in COUNTS_PER_G:
-        if 0.9 < size / counts < 1.1:
-            return f"/{counts}", f"its size is {size:.6g} counts"
-    return f"/{size:.6g}" if size > 0 else "", f"its size, {size:.6g}, is taken for 1 g"
-
-
-def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scaling) -> tuple[str, str]:
-    """The unit as ``--map`` writes it. ``si`` says why its maker thinks in SI units; empty if nothing says so."""
-    stated = stated_unit(names[0], "gyro")
-    if stated is not None or source.si:
-        return f":{stated or 'rad/s'}", "the unit is in its name" if stated else "messages of this kind are in rad/s"
-    values = np.concatenate([_values(source, name) for name in names])
-    if not values.size:
-        return ":dps", "it holds no number"
-    largest = float(np.abs(values).max())
-    if np.all(values == np.rint(values)) and largest > COUNTS_ABOVE:
-        if scaling.lsb_dps is not None:
-            return ":counts", "whole numbers"
-        turned = float(np.mean((values > 49152) | ((values >= 0) & (values < 16384))))
-        if values.min() >= 0 and largest > 49152 and turned > 0.99:
-            raise InputError(
-                f"{source.label}: {names[0]} holds counts of 16 bits without their sign: those above 32767 are negative. "
-                "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
-            )
-        raise InputError(
-            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
-            f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per dps; unsigned ones need each axis mapped, as by "
-            f"--map 'gx_dps=({names[0]}-32768)/{COUNTS_PER_DPS}'"
-        )
-    if largest > LARGEST_RAD_S:
-        return ":dps", f"readings up to {largest:.4g} are too large for rad/s"
-    if si:
-        return ":rad/s", f"readings up to {largest:.4g}, and {si}; dps is possible too"
-    return ":dps", f"readings up to {largest:.4g}; rad/s is possible too"
-
-
 def _temperature(source: Source) -> Guess | None:
     for name in source.frame.columns:
         bare, _ = bare_name(name)
         named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?"
         if bare in ("t", "time") or not re.fullmatch(named, bare):
             continue
-        values = _values(source, name)
+        values = values_of(source, name)
         if not values.size:
             continue
         stated = stated_unit(name, "temp_c")
@@ -302,7 +296,7 @@ def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") ->
     """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1."""
     names = []
     for part in "wxyz":
-        named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q)?[/._ ]?{part}"
+        named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q|matrix\.q)?[/._ ]?{part}"
         names += [name for name in source.frame.columns if re.fullmatch(named, bare_name(name)[0])][:1]
     if len(names) < 4:
         return []
@@ -320,7 +314,7 @@ def _reference(source: Source, found: Mapping[str, Guess]) -> Guess | None:
     unit_of_gyro = next((g.map.rpartition(":")[2] for name, g in found.items() if name.startswith("g") and ":" in g.map), "dps")
     for name in source.frame.columns:
         bare, _ = bare_name(name)
-        if name in taken or not _values(source, name).size:
+        if name in taken or not values_of(source, name).size:
             continue
         rate = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{RATE})?(?:[ _.-]?(?:dps|rad_?s|rads|mdps|deg_?s))?"
         angle = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{ANGLE})(?:[ _.-]?(?:deg|degs|rad|rads|turns?))?"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import InputError, did_you_mean
@@ -28,7 +29,8 @@ class Options:
     ``defaults``: keys of ``[[run]]`` for all of them. ``axis``: the session's; None is the only one mapped, or z. ``form``: a
     name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
     ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate. ``clock``:
-    whether the reference has the clock of the sensor (``same``) or its ``own``.
+    whether the reference has the clock of the sensor (``same``) or its ``own``. ``joined``: files of other sensors of the same
+    recording, whose columns are put onto the times of the gyroscope's.
     """
 
     maps: Sequence[str] = ()
@@ -47,6 +49,7 @@ class Options:
     resample_hz: float | None = None
     gravity: bool = False
     clock: str = "same"
+    joined: Sequence[Path] = ()
     needs_rate: bool = field(default=True, repr=False)
     """False for a log that is only corrected: no true rate is asked for, and none is looked for among its columns."""
 

@@ -11,20 +11,24 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
-from gyrocal.recording import readers
+from gyrocal.recording import plateaus
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
-from gyrocal.recording.convert import Converted, convert, even, rate_of
+from gyrocal.recording.convert import Converted, convert, rate_of
 from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
-from gyrocal.recording.guess import Guess, guess
+from gyrocal.recording.guess import Guess
 from gyrocal.recording.header import Reference, read_header, write_header
+from gyrocal.recording.hung import without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
+from gyrocal.recording.joined import Files
+from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
+from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import goes_back, period_s
 from gyrocal.recording.table import OPTIONAL, REQUIRED, all_finite, check_table, write_table
 from gyrocal.warning import Warning
@@ -34,7 +38,6 @@ SAME_RATE = 0.02
 STATED = 0.05
 """A stated rate that is further from that of the times contradicts it (the warning ``sample_rate`` has the same limit)."""
 TIME_UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
-TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
 
 
 @dataclass(frozen=True)
@@ -104,10 +107,10 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     path = Path(source)
     if options.form is not None:
         options = replace(options, maps=[*mapping_of(options.form), *options.maps])
-        path = _data_file(path)
+        path = data_file(path)
     of_reference = with_second(with_gravity(options, existing))
     options = of_reference.options
-    files = _files(path)
+    files = files_of(path, options.joined)
     if len(files) > 1 and options.cuts:
         raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
     runs: list[Run] = []
@@ -122,7 +125,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
         read = _read_file(file, replace(options, axis=axis), number + len(runs), named=len(files) > 1)
         runs += read.session.runs
         corrected.add(read.session.corrected)
-        _check_alike(file, corrected)
+        _check_alike(file.gyroscope, corrected)
         axis = axis or read.session.axis
         warnings += read.warnings
         guessed = guessed or read.guessed
@@ -148,27 +151,11 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
         raise InputError(f"{file}: a session cannot hold {kinds}; import this recording into a session of its own")
 
 
-def _data_file(path: Path) -> Path:
-    """The table in an EuRoC folder; any other path as it is."""
-    return next((p for p in (path / "data.csv", path / "imu0" / "data.csv") if p.is_file()), path)
-
-
-def _files(path: Path) -> list[Path]:
-    """The file, or the tables in a folder that is no ROS 2 bag."""
-    if not path.is_dir() or (path / "metadata.yaml").is_file():
-        return [path]
-    found = sorted(p for p in path.iterdir() if p.suffix.lower() in TABLES)
-    if not found:
-        hint = "; the layout is that of EuRoC: give --format euroc" if _data_file(path) != path else f" ({', '.join(TABLES)})"
-        raise InputError(f"{path}: no tables in this folder{hint}")
-    return found
-
-
-def _read_file(path: Path, options: Options, number: int, named: bool) -> Imported:
-    """The runs of one file; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
-    mapped = _mapped(path, options)
+def _read_file(files: Files, options: Options, number: int, named: bool) -> Imported:
+    """The runs of one recording; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
+    path, mapped = files.gyroscope, mapped_columns(files, options)
     mappings, source = mapped.mappings, mapped.source
-    axis = options.axis or _only_axis(mappings)
+    axis = options.axis or only_axis(mappings)
     rate_hz = options.scaling.rate_hz
     if "t_s" not in {m.target for m in mappings} and rate_hz is None:
         what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
@@ -184,19 +171,32 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
         table = replace(table, columns={**table.columns, **more})
     stem = path.name.split(".")[0]
     labels = check_meta(labels_of(stem), str(path))
+    left = {"table_rate_dps"} if options.gravity else set[str]()
+
+    def named_so(name: str) -> dict[str, Any]:
+        """What a run's name says, as ``x_rot`` of its axis, or its file's name; a run by hand has no rate."""
+        found = labels | check_meta(labels_of(name), f"run {name}")
+        return {key: value for key, value in found.items() if key not in left}
+
     defaults = {**labels, **options.defaults}
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
     kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
     cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
-    cuts = with_meta(cuts, options.run_meta, defaults)
+    cuts = with_meta(cuts, options.run_meta, options.defaults, named_so)
+    rests = 0
+    if not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
+        cuts = plateaus.cut(source.label, table.columns, cuts[0])
+        rests = len(cuts) - 1
     check_names_differ(cuts)
     evened: list[Warning] = []
     runs = [
         _run(source, mappings, table, cut, number + i, axis, rate_hz, options, evened.append) for i, cut in enumerate(cuts)
     ]
-    times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
-    counts = {"times": times, "rows": table.left_out, "twice": table.repeated, "cells": table.cells}
+    times = sum(len(run) for run in runs if run.file in {w.file for w in evened if w.code == "sample_rate"})
+    hung = sum(w.code == "constant_reading" for w in evened)
+    counts = {"rests": rests, "hung": hung, "times": times, "rows": table.left_out, "twice": table.repeated}
+    counts["cells"] = table.cells
     rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
     corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
     session = Session(
@@ -204,39 +204,6 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     )  # fmt: skip
     counts = {what: count for what, count in counts.items() if count}
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
-
-
-@dataclass(frozen=True)
-class _Mapped:
-    """A file's table with the mappings of its columns, and those of them that were guessed."""
-
-    mappings: list[ColumnMap]
-    source: Source
-    guessed: tuple[Guess, ...] = ()
-
-
-def _mapped(path: Path, options: Options) -> _Mapped:
-    """The given mappings. Those that are missing are guessed if no gyroscope is mapped, and no column has a session's name."""
-    scaling = options.scaling
-    mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
-    names, targets = [m.column for m in mappings], {m.target for m in mappings}
-    complete = any(f"g{a}_dps" in targets for a in AXES)
-    source = readers.read(path, names if complete else (), options.columns, options.skip, options.topic)
-    source.check_has(names)
-    if complete:
-        return _Mapped(mappings, source)
-    if not mappings and set(REQUIRED) <= set(source.frame.columns):
-        return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
-    stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
-    wanted = options.needs_rate and not (stated or has_reference(targets))
-    found = guess(source, scaling, reference=wanted)
-    guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
-    return _Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
-
-
-def _only_axis(mappings: Sequence[ColumnMap]) -> str:
-    mapped = [a for a in AXES if f"g{a}_dps" in {m.target for m in mappings}]
-    return mapped[0] if len(mapped) == 1 else "z"
 
 
 @dataclass(frozen=True)
@@ -288,9 +255,15 @@ def _run(
         t_s, lambda place: source.row(table.row(start + place)), file,
         lambda place: f"take the rows before it by --run NAME:{table.row(start)}:{table.row(start + place)}, or number the "
         "samples with --rate-hz and no t_s",
+        np.column_stack([columns[name] for name in REQUIRED[1:] if name in columns]),
     )  # fmt: skip
     if warning is not None:
         warn(warning)
+    if options.needs_rate and not options.gravity and cut.meta.get("turn_deg") is None:
+        columns, warning = without_hung(columns, file)
+        if warning is not None:
+            warn(warning)
+    end = start + columns["t_s"].size
     if any(m.is_angle_of_rate for m in mappings):
         columns["rate_ref_dps"] = rate_of(columns["t_s"], columns["rate_ref_dps"])
     meta = cut.meta

@@ -18,7 +18,8 @@ from gyrocal.recording.header import Axis, Face, Reference
 from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
 from gyrocal.recording.registration import Registration
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed, smoothed_temperature
-from gyrocal.recording.stamps import in_bursts, regression, weights
+from gyrocal.recording.stamped import right_times
+from gyrocal.recording.stamps import in_bursts, regression, step_range_s, weights
 from gyrocal.recording.table import check_table, read_table_and_damage
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing, between
 
@@ -123,7 +124,11 @@ class Run:
     @cached_property
     def sample_s(self) -> Array:
         """Time of each sample, shape [n], s: as in the file, or by regression on its number if times come in bursts."""
-        return regression(self.t_s).t_s if in_bursts(self.t_s) else self.t_s
+        if not in_bursts(self.t_s):
+            return self.t_s
+        stamps = regression(self.t_s)
+        forward = step_range_s(self.t_s)[0] > 0  # uneven samples are told from stamps in bursts by their readings
+        return self.t_s if forward and right_times(self.t_s, stamps, self.gyro_dps) == "stamps" else stamps.t_s
 
     @property
     def weights(self) -> Array:

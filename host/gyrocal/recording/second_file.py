@@ -11,15 +11,19 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
-from gyrocal.recording.convert import convert, even, rate_of
+from gyrocal.recording.convert import convert, rate_of
 from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, guess_reference
+from gyrocal.recording.guess_units import typical_rate_dps
+from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
+from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import between
-from gyrocal.recording.trajectory import columns_of
+from gyrocal.recording.trajectory import KITTI, columns_of, with_times
 
+ORDER_OF_TUM = "no header: the order of TUM, in which w is the last of the quaternion; other orders are possible too"
 REACH = 3.0
 """Steps of the reference. A moment between two samples of it that are further apart has no reference."""
 
@@ -49,7 +53,7 @@ class SecondFile:
             if names is None:
                 raise
             file = replace(self, names=names)
-            why = "no header: the order of TUM, in which w is the last of the quaternion; other orders are possible too"
+            why = ORDER_OF_TUM if "qw" in names else "no header: poses of KITTI, with the times of times.txt"
             source, found = file._read(), [Guess(",".join(names), why, "--ref-columns")]
         found += guess_reference(source)
         return replace(file, maps=[g.map for g in found if g.option == "--ref-map"]), tuple(found)
@@ -65,7 +69,17 @@ class SecondFile:
         return [ColumnMap.parse(text, scaling, "--ref-map") for text in self.maps]
 
     def _read(self, names: Sequence[str] = ()) -> Source:
-        return readers.read(self.path, names, self.names, topic=self.topic, option="--ref-")
+        asked = () if any(map(is_of_matrix, names)) or tuple(self.names or ()) == KITTI else names
+        source = readers.read(self.path, asked, self.names, topic=self.topic, option="--ref-")
+        return with_quaternion(with_times(source, self.path, self.names))
+
+    def typical_rate_dps(self, scaling: Scaling) -> float | None:
+        """The rms rate of the reference, deg/s; None where it hardly turns."""
+        mappings = self._mappings(scaling)
+        source = self._read([m.column for m in mappings])
+        source.check_has([m.column for m in mappings])
+        columns = {m.target: source.numbers(m) for m in mappings}
+        return typical_rate_dps(columns.pop("t_s"), columns) if "t_s" in columns else None
 
     def columns(self, t_s: Array, start_s: float, scaling: Scaling) -> dict[str, Array]:
         """The reference's columns at the sensor's times ``t_s`` [n], s, which count from ``start_s`` of its clock; [n], NaN

@@ -18,6 +18,8 @@ from gyrocal.variables.shapes import Shape, TableWave, Waves
 
 FIRST_SIGHT = 0.01
 """Probability under noise above which a wave on an axis across the table's is not tried."""
+WHOLE_TURN_DEG = 360.0
+"""A table whose angle covers less swings, and nothing comes back once per turn."""
 ORDERS = 6
 """Largest number of periods per turn that is tested."""
 
@@ -41,7 +43,7 @@ class TableAngle(Variable):
         return np.rad2deg(table_angle_rad(run)) if turned else None
 
     def shapes(self, axis: int) -> list[Shape]:
-        if not any(turns(self.runs, table_axis) for table_axis in range(3)):
+        if not any(turns(self.runs, table_axis) for table_axis in range(3)) or not any(map(_goes_round, self.runs)):
             return []
         if all(r.column("table_angle_deg") is not None for r in self.runs):
             return [Waves(_waves, range(1, ORDERS + 1))]
@@ -59,6 +61,15 @@ class TableAngle(Variable):
 
     def terms(self, symbol: str, values: Array) -> list[str]:
         return terms.of_turns(symbol, "theta")
+
+
+def _goes_round(run: Run) -> bool:
+    """True if the table's angle covers a whole turn in a run."""
+    if not (np.any(run.rate_dps) or run.column("table_angle_deg") is not None):
+        return False
+    angle_deg = np.rad2deg(table_angle_rad(run))
+    angle_deg = np.unwrap(angle_deg[np.isfinite(angle_deg)], period=360.0)
+    return angle_deg.size > 0 and float(np.ptp(angle_deg)) >= WHOLE_TURN_DEG
 
 
 def _waves(run: Run) -> Array:

@@ -1,0 +1,254 @@
+"""Units of rates and accelerations that no name states, from what the readings must show of one motion.
+
+A gyroscope in rad/s reads 57 times less than in deg/s. Where a sensor turns, gravity turns in its readings by the angle that
+the rates add up to, a table turns at the rate or by the angle that was stated, and nothing at rest trembles by degrees per
+second. Where none of this decides, :attr:`Unit.sure` is False, and a person has to say which it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.column_map import STANDARD_GRAVITY, ColumnMap, Scaling
+from gyrocal.recording.column_names import stated_unit
+from gyrocal.recording.session import Array
+from gyrocal.recording.source import Source
+
+RAD = 180 / np.pi
+PHONE = "phones write rad/s"
+LARGEST_RAD_S = 35.0
+"""Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
+COUNTS_ABOVE = 100.0
+"""Whole numbers, of which some are larger, are raw counts."""
+COUNTS_PER_DPS = 131
+"""Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
+COUNTS_PER_G = (16384, 8192, 4096, 2048)
+LEAST_G = 0.2
+"""Readings of a smaller size are accelerations without gravity."""
+LOOKS_S = (0.3, 1.0, 3.0)
+"""Times over which the turn of gravity is compared with that of the rates, s."""
+MEAN_S = 0.1
+"""Time over which accelerations are averaged, s."""
+STEADY = 0.15
+"""Accelerations whose size is off the median by a larger part show more than gravity."""
+MOVING = 0.2
+"""Readings that are off their median by more than this are of a movement, in either unit of the readings."""
+FEWEST_LOOKS = 8
+MOST_STEPS = 200_000
+"""Samples that are integrated at most."""
+CLEARLY = 4.0
+"""Ratio of the squared misfits of two units from which the smaller one is right."""
+OF_ONE_SIZE = 3.0
+"""Factor within which readings are of the size of a stated rate. Degrees and radians are 57 apart."""
+LEAST_TURN_DPS = 2.0
+"""A reference that turns less may be noise."""
+TREMBLE_RAD_S, FINE_DPS = 0.05, 0.0015
+"""Noise of one reading: that of a sensor at rest is smaller than the first in rad/s, and larger than the second in deg/s."""
+
+WHITE = 1.5
+"""Spread of still readings over the noise by their second differences: that of a motion, however slow, is larger."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as ``--map`` writes it, and why. ``sure``: False where another is as possible."""
+
+    text: str
+    why: str
+    sure: bool = True
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Times [n], s, and accelerations [n, 3] in any unit, NaN where they are missing."""
+
+    t_s: Array
+    acc: Array
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a recording's motion beside its readings: the table's rate, deg/s, its angle, deg, or a reference.
+
+    ``reference_dps`` gives the rms rate of a reference, deg/s, or None; it is called only if nothing else decides.
+    """
+
+    rate_dps: float | None = None
+    turn_deg: float | None = None
+    reference_dps: Callable[[], float | None] = lambda: None
+
+
+def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
+    """The unit of three columns; None if they hold no gravity."""
+    parts = [values_of(source, name) for name in names]
+    length = min(p.size for p in parts)
+    size = float(np.median(np.sqrt(sum(p[:length] ** 2 for p in parts)))) if length else 0.0
+    stated = stated_unit(names[0], "acceleration")
+    if stated is not None or source.si:
+        one = {"m/s2": STANDARD_GRAVITY, "mg": 1e3, "g": 1.0}[stated or "m/s2"]
+        why = "the unit is in its name" if stated else "messages of this kind are in m/s2"
+        return Unit(f":{stated or 'm/s2'}", why) if size > LEAST_G * one else None
+    for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
+        if 0.8 < size / one < 1.25:
+            return Unit(f":{unit}", f"its size is {size:.4g}")
+    for counts in COUNTS_PER_G:
+        if 0.9 < size / counts < 1.1:
+            return Unit(f"/{counts}", f"its size is {size:.6g} counts")
+    if size < LEAST_G:
+        return None
+    if all(np.array_equal(p, np.rint(p)) for p in parts):
+        return Unit(f"/{size:.6g}", f"its size, {size:.6g} counts, is taken for 1 g")
+    unit, one = next((u for u in (("g", 1.0), ("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if size < 2 * u[1]), ("mg", 1e3))
+    return Unit(f":{unit}", f"its size is {size:.4g}, and gravity is {one:.4g}: the scale of this accelerometer is wrong")
+
+
+def unit_of_gyro(
+    source: Source, names: Mapping[str, str], motion: Motion | None, known: Known, maker: str, scaling: Scaling
+) -> Unit:
+    """The unit of the columns by axis. ``maker`` says why its maker thinks in SI units; empty if nothing says so."""
+    stated = stated_unit(next(iter(names.values())), "gyro")
+    if stated is not None or source.si:
+        return Unit(f":{stated or 'rad/s'}", "the unit is in its name" if stated else "messages of this kind are in rad/s")
+    values = np.concatenate([values_of(source, name) for name in names.values()])
+    if not values.size:
+        return Unit(":dps", "it holds no number")
+    largest = float(np.abs(values).max())
+    if np.all(values == np.rint(values)) and largest > COUNTS_ABOVE:
+        if scaling.lsb_dps is None:
+            raise _counts(source, next(iter(names.values())), values)
+        return Unit(":counts", "whole numbers")
+    if largest > LARGEST_RAD_S:
+        return Unit(":dps", f"readings up to {largest:.4g} are too large for rad/s")
+    up_to = f"readings up to {largest:.4g}"
+    rates = np.column_stack([source.numbers(ColumnMap("gz_dps", name)) for name in names.values()])
+    if motion is not None and len(names) == 3 and (unit := _by_gravity(rates, motion)):
+        return Unit(f":{unit}", f"{up_to}; in {unit} they turn as gravity does in the accelerometer")
+    if (unit := _by_statement(rates, motion, known)) is not None:
+        return Unit(f":{unit}", f"{up_to}; in {unit} they are of the size of the rate that is known")
+    if (unit := _by_noise(rates)) is not None:
+        return Unit(f":{unit}", f"{up_to}; the noise of a reading is that of a sensor in {unit}")
+    if maker == PHONE:
+        return Unit(":rad/s", f"{up_to}, and {maker}; dps is possible too")
+    if maker:
+        return Unit(":rad/s", f"{up_to}, and {maker}; dps is possible too", False)
+    return Unit(":dps", f"{up_to}; rad/s is possible too", False)
+
+
+def values_of(source: Source, name: str) -> Array:
+    """The finite numbers of a column."""
+    values = source.numbers(ColumnMap("gz_dps", name))
+    return values[np.isfinite(values)]
+
+
+def _counts(source: Source, name: str, values: Array) -> InputError:
+    """The refusal of raw counts whose size is not known."""
+    largest = float(np.abs(values).max())
+    turned = float(np.mean((values > 49152) | ((values >= 0) & (values < 16384))))
+    if values.min() >= 0 and largest > 49152 and turned > 0.99:
+        return InputError(
+            f"{source.label}: {name} holds counts of 16 bits without their sign: those above 32767 are negative. "
+            "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
+        )
+    return InputError(
+        f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
+        f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per dps; unsigned ones need each axis mapped, as by "
+        f"--map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
+    )
+
+
+def _by_gravity(rates: Array, motion: Motion) -> str | None:
+    """The unit in which rates [n, 3] turn gravity as the accelerometer shows it; None where nothing turns it.
+
+    Gravity at the end of a look is compared with gravity at its start, turned by the rates between in either unit, or not at
+    all. Looks are those in which the readings are of a movement.
+    """
+    good = np.isfinite(rates).all(axis=1) & np.isfinite(motion.acc).all(axis=1) & np.isfinite(motion.t_s)
+    t_s, rates, acc = motion.t_s[good], rates[good], motion.acc[good]
+    if t_s.size < 10 or t_s[-1] <= t_s[0]:
+        return None
+    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    wide = max(1, round(MEAN_S / step_s))
+    mean = np.column_stack([np.convolve(column, np.ones(wide) / wide, "same") for column in acc.T])
+    size = np.linalg.norm(mean, axis=1)
+    steady = np.abs(size / np.median(size) - 1) < STEADY
+    moving = np.linalg.norm(rates - np.median(rates, axis=0), axis=1) > MOVING
+    up = mean / np.maximum(size, 1e-12)[:, None]
+    for look_s in LOOKS_S:
+        steps = max(1, round(look_s / step_s))
+        starts = np.arange(wide, max(wide, t_s.size - steps - wide))
+        starts = starts[moving[starts + steps // 2] & steady[starts] & steady[starts + steps]]
+        if starts.size < FEWEST_LOOKS * steps:  # looks overlap
+            return None
+        starts = starts[:: max(1, starts.size * steps // MOST_STEPS)]
+        misfit = {unit: _misfit(up, rates * one * step_s, starts, steps) for unit, one in (("rad/s", 1.0), ("dps", 1 / RAD))}
+        best, other = sorted(misfit, key=lambda unit: misfit[unit])
+        unturned = float(np.mean(np.sum((up[starts + steps] - up[starts]) ** 2, axis=1)))
+        if min(misfit[other], unturned) > CLEARLY * misfit[best]:
+            return best
+    return None
+
+
+def _misfit(up: Array, turns_rad: Array, starts: Array, steps: int) -> float:
+    """The mean square of the distance of gravity's direction after some steps from where the turns [n, 3] bring it."""
+    now = up[starts]
+    for k in range(steps):
+        turn = turns_rad[starts + k]
+        angle = np.linalg.norm(turn, axis=1, keepdims=True)
+        axis = turn / np.maximum(angle, 1e-12)
+        along = axis * np.sum(axis * now, axis=1, keepdims=True)  # a body's turn moves what is fixed in space the other way
+        now = along + (now - along) * np.cos(angle) - np.cross(axis, now) * np.sin(angle)
+    return float(np.mean(np.sum((up[starts + steps] - now) ** 2, axis=1)))
+
+
+def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | None:
+    """The unit in which the rates are of the size of a stated rate or angle, or of those of a reference."""
+    means = np.abs(np.nanmedian(rates, axis=0))
+    pairs = [(float(means.max()), abs(known.rate_dps))] if known.rate_dps else []
+    if known.turn_deg and motion is not None and motion.t_s.size == len(rates):
+        turned = np.nan_to_num(rates - np.nanmedian(rates[: max(10, len(rates) // 50)], axis=0))
+        pairs.append((float(np.abs(np.gradient(motion.t_s) @ turned).max()), abs(known.turn_deg)))
+    if not pairs and (reference_dps := known.reference_dps()) is not None:
+        pairs.append((float(np.sqrt(np.nanmean(np.nansum(rates**2, axis=1)))), reference_dps))
+    for read, true in pairs:
+        for unit, one in (("dps", 1.0), ("rad/s", RAD)):
+            if 1 / OF_ONE_SIZE < read * one / true < OF_ONE_SIZE:
+                return unit
+    return None
+
+
+def typical_rate_dps(t_s: Array, columns: Mapping[str, Array]) -> float | None:
+    """The rms rate of a reference of any kind, deg/s, by its columns [n]; None where it hardly turns, or there is none."""
+    step_s = float(np.nanmax(t_s) - np.nanmin(t_s)) / max(1, t_s.size - 1)
+    skip = max(1, round(MEAN_S / step_s)) if step_s > 0 else 1
+    found: Array | None = None
+    if all(name in columns for name in ("ref_qw", "ref_qx", "ref_qy", "ref_qz")):
+        q = np.column_stack([columns[f"ref_q{part}"] for part in "wxyz"])[::skip]
+        cosine = np.abs(np.sum(q[1:] * q[:-1], axis=1)) / np.maximum(np.sum(q[1:] ** 2, axis=1), 1e-12)
+        found = 2 * np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) / (skip * step_s)
+    elif "ref_angle_deg" in columns:
+        found = np.diff(columns["ref_angle_deg"][::skip]) / (skip * step_s)
+    elif rates := [columns[n] for n in ("rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps") if n in columns]:
+        found = np.sqrt(sum(r**2 for r in rates))
+    if found is None or not np.isfinite(found).any():
+        return None
+    rms_dps = float(np.sqrt(np.nanmean(found**2)))
+    return rms_dps if rms_dps > LEAST_TURN_DPS else None
+
+
+def _by_noise(rates: Array) -> str | None:
+    """The unit by the noise of a reading where the sensor lies still, or is still at times."""
+    rates = rates[np.isfinite(rates).all(axis=1)]
+    parts = [part for part in np.array_split(rates, max(1, len(rates) // 64)) if len(part) >= 32]
+    if len(parts) < 3:
+        return None
+    noise = np.array([np.sqrt(np.mean(np.diff(part, 2, axis=0) ** 2) / 6) for part in parts])
+    spread = np.array([np.sqrt(np.mean(part.var(axis=0))) for part in parts])
+    white = (noise > 0) & (spread < WHITE * noise)
+    if white.any() and float(noise[white].min()) < FINE_DPS:
+        return "rad/s"
+    still = np.ptp(np.array([part.mean(axis=0) for part in parts]), axis=0).max() < np.median(noise)
+    return "dps" if still and np.median(spread) > TREMBLE_RAD_S else None

@@ -1,0 +1,94 @@
+"""Which files make a recording, and which of its columns are taken: those that were given, or a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gyrocal.errors import InputError
+from gyrocal.recording import joined, readers
+from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
+from gyrocal.recording.guess import Guess, guess
+from gyrocal.recording.guess_units import Known, typical_rate_dps
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.joined import Files
+from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
+from gyrocal.recording.session import AXES
+from gyrocal.recording.source import Source
+from gyrocal.recording.table import REQUIRED
+
+TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A recording's table with the mappings of its columns, and those of them that were guessed."""
+
+    mappings: list[ColumnMap]
+    source: Source
+    guessed: tuple[Guess, ...] = ()
+
+
+def data_file(path: Path) -> Path:
+    """The table in an EuRoC folder; any other path as it is."""
+    return next((p for p in (path / "data.csv", path / "imu0" / "data.csv") if p.is_file()), path)
+
+
+def files_of(path: Path, others: Sequence[Path] = ()) -> list[Files]:
+    """The recordings in a file, or in a folder that is no ROS 2 bag; ``others`` are files that are joined to a file."""
+    if not path.is_dir() or (path / "metadata.yaml").is_file():
+        return [Files(path, tuple(others))]
+    if others:
+        raise InputError(f"--join: {path} is a folder; give the file of the gyroscope itself")
+    found = sorted(p for p in path.iterdir() if p.suffix.lower() in TABLES)
+    if not found:
+        hint = "; the layout is that of EuRoC: give --format euroc" if data_file(path) != path else f" ({', '.join(TABLES)})"
+        raise InputError(f"{path}: no tables in this folder{hint}")
+    return joined.recordings(found)
+
+
+def mapped_columns(files: Files, options: Options) -> Mapped:
+    """The given mappings. Those that are missing are guessed if no gyroscope is mapped, and no column has a session's name."""
+    scaling = options.scaling
+    mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
+    names, targets = [m.column for m in mappings], {m.target for m in mappings}
+    complete = any(f"g{a}_dps" in targets for a in AXES)
+    source = _read(files, names if complete else (), options)
+    source.check_has(names)
+    if complete:
+        return Mapped(mappings, source)
+    if not mappings and set(REQUIRED) <= set(source.frame.columns):
+        return Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
+    stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
+    wanted = options.needs_rate and not (stated or has_reference(targets))
+
+    def reference_dps() -> float | None:
+        if options.second is not None:
+            return options.second.typical_rate_dps(scaling)
+        columns = {m.target: source.numbers(m) for m in mappings}
+        return typical_rate_dps(columns["t_s"], columns) if "t_s" in columns else None
+
+    known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
+    found = guess(source, scaling, reference=wanted, known=known)
+    guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
+    return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
+
+
+def _read(files: Files, names: Sequence[str], options: Options) -> Source:
+    """The table of a recording, with the columns that are computed from others: those of other sensors, and quaternions."""
+    computed = bool(files.others) or any(map(is_of_matrix, names))
+    asked = () if computed else names
+
+    def one(path: Path) -> Source:
+        if path != files.gyroscope:
+            return readers.read(path)
+        return readers.read(path, asked, options.columns, options.skip, options.topic)
+
+    return with_quaternion(joined.read(files, one, stated=bool(options.joined)))
+
+
+def only_axis(mappings: Sequence[ColumnMap]) -> str:
+    """The axis of the only rate that is mapped; z where there are several."""
+    mapped = [a for a in AXES if f"g{a}_dps" in {m.target for m in mappings}]
+    return mapped[0] if len(mapped) == 1 else "z"

@@ -1,0 +1,143 @@
+"""Stretches of a recording in which the sensor lies still or turns steadily: the runs that one file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.cut import Cut, Edge
+from gyrocal.recording.run import AXES, Array
+from gyrocal.recording.stamps import step_range_s
+
+WINDOW_S = 0.25
+"""Length of the windows whose means are compared, s."""
+LEAST_S = 2.0
+"""Shortest plateau, s."""
+LEAST_REST_S = 1.0
+"""Shortest rest before and after a known turn, s."""
+STEP_DPS, STEP_PART, STEP_ERRORS = 0.5, 0.01, 6.0
+"""A step between the means of two windows that a plateau allows: deg/s, part of the rate, and standard errors of the noise."""
+REST_DPS = 5.0
+"""Largest reading of a sensor at rest that is taken for its bias, dps."""
+APART_DPS, APART_PART = 5.0, 0.1
+"""Two plateaus are of different rates if they are further apart than this, deg/s, and than this part of the larger rate."""
+MARGIN_S = 0.25
+"""What a known turn keeps of the rests about it, s."""
+MOST = 24
+"""Plateaus above which a recording is a movement by hand, and no sequence of runs."""
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """Samples ``start`` to ``stop`` (not taken), the times from the first sample, s, and the mean rates [3], deg/s."""
+
+    start: int
+    stop: int
+    start_s: float
+    stop_s: float
+    mean_dps: Array
+
+    @property
+    def at_rest(self) -> bool:
+        """True if no axis reads more than a bias."""
+        return float(np.abs(self.mean_dps).max()) < REST_DPS
+
+    @property
+    def axis(self) -> int:
+        """The axis that turns most."""
+        return int(np.argmax(np.abs(self.mean_dps)))
+
+
+def find(t_s: Array, gyro_dps: Array) -> list[Plateau]:
+    """The plateaus of readings [n, k], deg/s, at increasing times [n], s."""
+    size = max(4, round(WINDOW_S * (t_s.size - 1) / max(float(t_s[-1] - t_s[0]), 1e-9)))
+    count = t_s.size // size
+    if count < 4:
+        return []
+    windows = gyro_dps[: count * size].reshape(count, size, -1)
+    means = windows.mean(axis=1)
+    noise = np.sqrt(np.median(np.mean(np.diff(windows, 2, axis=1) ** 2, axis=1), axis=0) / 6 / size)
+    allowed = np.maximum(STEP_DPS, STEP_ERRORS * noise) + STEP_PART * np.abs(means[1:])
+    joined = np.all(np.abs(np.diff(means, axis=0)) < allowed, axis=1)
+    found = []
+    for first, last in _groups(joined, means, allowed):
+        start, stop = first * size, (last + 1) * size if last + 1 < count else t_s.size
+        seconds = float(t_s[stop - 1] - t_s[start])
+        if seconds >= LEAST_REST_S:
+            mean = np.zeros(len(AXES))
+            mean[: gyro_dps.shape[1]] = gyro_dps[start:stop].mean(axis=0)
+            found.append(Plateau(start, stop, float(t_s[start] - t_s[0]), float(t_s[stop - 1] - t_s[0]), mean))
+    return found
+
+
+def _groups(joined: np.ndarray[Any, np.dtype[np.bool_]], means: Array, allowed: Array) -> list[tuple[int, int]]:
+    """First and last window of each sequence whose means stay about that of its first windows."""
+    groups, first = [], 0
+    for k in range(1, len(means)):
+        level = np.median(means[first : min(k, first + 4)], axis=0)
+        if not joined[k - 1] or np.any(np.abs(means[k] - level) > 2 * allowed[k - 1]):
+            groups.append((first, k - 1))
+            first = k
+    return [*groups, (first, len(means) - 1)]
+
+
+def of_several_rates(found: Sequence[Plateau]) -> list[Plateau]:
+    """The plateaus of a recording that holds several runs; none if they are of one rate, or of a movement by hand."""
+    long = [p for p in found if p.stop_s - p.start_s >= LEAST_S]
+    if not 2 <= len(long) <= MOST:
+        return []
+    means = np.array([p.mean_dps for p in long])
+    apart = np.ptp(means, axis=0).max()
+    return long if apart > max(APART_DPS, APART_PART * float(np.abs(means).max())) else []
+
+
+def in_words(found: Sequence[Plateau]) -> str:
+    """The options that make a run of each plateau, with the rates as they are read."""
+    options, numbers = [], {"rest": 0, **dict.fromkeys(AXES, 0)}
+    for p in found:
+        kind = "rest" if p.at_rest else AXES[p.axis]
+        numbers[kind] += 1
+        facts = "rate=0" if p.at_rest else f"axis={AXES[p.axis]},rate={p.mean_dps[p.axis]:.3g}"
+        options.append(f"--run {kind}_{numbers[kind]}:{p.start_s:.2f}s:{p.stop_s:.2f}s:{facts}")
+    return " ".join(options)
+
+
+def about_a_turn(found: Sequence[Plateau], name: str, meta: Mapping[str, Any], end: int) -> list[Cut]:
+    """The rests before and after a turn whose angle is known, and the turn, as runs of one file; none without both rests."""
+    if len(found) < 2 or not (found[0].at_rest and found[-1].at_rest) or found[0].start > 0 or found[-1].stop < end:
+        return []
+    first, last = found[0], found[-1]
+    if first.stop_s + MARGIN_S > last.start_s:
+        return []
+    still = {key: value for key, value in meta.items() if key not in ("turn_deg", "turn_se_deg")} | {"table_rate_dps": 0.0}
+    edges = [Edge(first.stop_s - MARGIN_S, True), Edge(last.start_s + MARGIN_S, True)]
+    return [
+        Cut(f"{name}_rest_before", None, edges[0], still), Cut(name, edges[0], edges[1], dict(meta)),
+        Cut(f"{name}_rest_after", edges[1], None, still),
+    ]  # fmt: skip
+
+
+def cut(label: str, columns: Mapping[str, Array], whole: Cut) -> list[Cut]:
+    """A whole table, its columns by target, as one run, or as a turn of known angle with the rests about it.
+
+    Raises InputError if it holds several rates and one or none is stated, with the options that cut it.
+    """
+    t_s = columns["t_s"]
+    gyro = [columns[f"g{a}_dps"] for a in AXES if f"g{a}_dps" in columns]
+    if t_s.size < 2 or step_range_s(t_s)[0] <= 0 or len(gyro) < len(AXES):
+        return [whole]
+    found = find(t_s, np.column_stack(gyro))
+    if whole.meta.get("turn_deg") is not None:
+        return about_a_turn(found, whole.name, whole.meta, t_s.size) or [whole]
+    several, rate_dps = of_several_rates(found), whole.meta.get("table_rate_dps")
+    if not several or rate_dps == 0:
+        return [whole]
+    stated = "its true rate is not known" if rate_dps is None else f"one rate, {rate_dps:g} dps, is stated"
+    raise InputError(
+        f"{label}: {stated}, and the readings show {len(several)} plateaus. Make a run of each, with the table's own "
+        f"rates in place of those that are read here: {in_words(several)}; or all of it as one run: --run all::"
+    )

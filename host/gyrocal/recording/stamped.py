@@ -1,0 +1,127 @@
+"""Whether stamps or numbers are the times of samples: an even sampler whose host stamps unevenly, or uneven samples.
+
+The readings of a sensor that moves are smooth in the times at which they were taken. Each reading is predicted by its four
+neighbours, by the cubic through them: over the stamps, and over the samples' numbers. The times that predict better are right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.stamps import Array, Stamps, goes_back, in_bursts, regression, step_range_s, typical_step_s
+from gyrocal.warning import Warning
+
+LONGEST_S = 1e9
+"""Times that span more than this, thirty years, are no times of one recording."""
+UNEVEN = 0.1
+"""Part of the mean step by which a step must be off it for its neighbourhood to tell stamps from numbers."""
+GAP = 1.5
+"""Steps longer than this, in intervals, may hold a lost sample."""
+MOST = 200_000
+"""Samples that are looked at."""
+FEWEST = 64
+"""Samples in uneven neighbourhoods, below which they do not tell."""
+PARTS = 32
+ERRORS = 4.0
+"""Standard errors of the difference of both predictions from which on the smaller one is right."""
+
+
+def right_times(t_s: Array, stamps: Stamps, readings: Array) -> str | None:
+    """``stamps`` or ``numbers``, whichever are the times of readings [n, k]; None where these do not tell, as at rest.
+
+    ``t_s`` [n], s, are the stamps, which must increase, and ``stamps`` their regression.
+    """
+    t_s, number, readings = t_s[:MOST], stamps.number[:MOST].astype(np.float64), readings[:MOST]
+    if t_s.size < FEWEST:
+        return None
+    off = np.abs(np.diff(t_s) / stamps.period_s - np.diff(number)) > UNEVEN
+    near = off[:-3] | off[1:-2] | off[2:-1] | off[3:]
+    inside = near & (number[4:] - number[:-4] == 4) & np.isfinite(readings[2:-2]).all(axis=1)
+    if inside.sum() < FEWEST:
+        return None
+    by_stamp, by_number = (_errors(times, readings, inside) for times in (t_s, number))
+    known = np.isfinite(by_stamp) & np.isfinite(by_number)
+    parts = [part.mean() for part in np.array_split((by_stamp - by_number)[known], PARTS) if part.size]
+    if len(parts) < PARTS // 2:
+        return None
+    sure = float(np.mean(parts)) / max(float(np.std(parts)) / len(parts) ** 0.5, 1e-300)
+    return "numbers" if sure > ERRORS else "stamps" if sure < -ERRORS else None
+
+
+def _errors(times: Array, readings: Array, inside: np.ndarray[Any, np.dtype[np.bool_]]) -> Array:
+    """The squared error of each prediction over what noise would give it, summed over the columns of readings."""
+    nodes = [times[k : times.size - 4 + k][inside] for k in (0, 1, 3, 4)]
+    here = times[2:-2][inside]
+    total = -readings[2:-2][inside]
+    noise = np.ones(here.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k, node in enumerate(nodes):
+            weight = np.ones(here.size)
+            for other in nodes[:k] + nodes[k + 1 :]:
+                weight *= (here - other) / (node - other)
+            total = total + weight[:, None] * readings[(0, 1, 3, 4)[k] : len(readings) - 4 + (0, 1, 3, 4)[k]][inside]
+            noise += weight**2
+        return np.asarray(np.sum(total**2, axis=1) / noise)
+
+
+def _replaced(t_s: Array, readings: Array | None) -> str:
+    """Why stamps [n], s, are to be replaced, in words; empty if they are the times of the samples."""
+    bursts, least_s = in_bursts(t_s), step_range_s(t_s)[0]
+    if bursts and (least_s <= 0 or readings is None):
+        return "the times repeat or come in bursts, "
+    if readings is None or t_s.size < FEWEST or least_s <= 0:
+        return ""
+    uneven = np.abs(np.diff(t_s) / typical_step_s(t_s) - 1) > UNEVEN
+    if uneven.sum() < FEWEST and not bursts:
+        return ""
+    stamps = regression(t_s)
+    right = right_times(t_s, stamps, readings)
+    if right == "numbers":
+        return "the readings follow the numbers of the samples and not their uneven times: a host stamped them, "
+    returns = stamps.jitter_s < GAP * stamps.period_s
+    late = returns and int(np.sum(np.diff(t_s) > GAP * stamps.period_s)) > stamps.lost
+    if right is None and (bursts or late):
+        return "the times come in bursts, or late and caught up with later, "
+    return ""
+
+
+def even(
+    t_s: Array, where: Callable[[int], str], file: str,
+    advice: Callable[[int], str] = lambda _: "delete what is not part of it",
+    readings: Array | None = None,
+) -> tuple[Array, Warning | None]:  # fmt: skip
+    """Times [n], s: unchanged, or by regression with a warning if a host stamped an even sampler unevenly.
+
+    ``where`` names a sample, and ``advice`` says what to do where the times go back at it. ``readings`` [n, k] tell whether
+    uneven stamps are right.
+    """
+    what = _replaced(t_s, readings)
+    if not what:
+        return t_s, None
+    steps_s = np.diff(t_s)
+    if goes_back(t_s):
+        later = int(np.argmin(steps_s)) + 1
+        back = f"time goes back by {-steps_s[later - 1]:.4g} s, to another recording"
+        raise InputError(f"{where(later)}: {back}; {advice(later)}")
+    if t_s[-1] <= t_s[0]:
+        repeated = int(np.argmax(steps_s <= 0)) + 1
+        raise InputError(f"{where(repeated)}: time repeats or goes back; {advice(repeated)}")
+    if t_s[-1] - t_s[0] > LONGEST_S:
+        longest = int(np.argmax(steps_s)) + 1
+        raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
+    stamps = regression(t_s)
+    if stamps.set_back:
+        place, by_s = stamps.set_back[0]
+        more = f" and {len(stamps.set_back) - 1} times more" if len(stamps.set_back) > 1 else ""
+        what = f"{where(place)}: the clock was set back by {by_s:.3g} s{more}. Moved forward by that, the times are "
+    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
+    return stamps.t_s, Warning(
+        "sample_rate", None, file,
+        f"{what}{round(1e3 * stamps.jitter_s, 3):.3g} ms rms off an even course of "
+        f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
+        "Record the sensor's own time if you can",
+    )  # fmt: skip

@@ -1,0 +1,88 @@
+"""Units that no name states: decided by gravity, a stated motion or noise, and asked for where none of them decides."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.guess import guess
+from gyrocal.recording.guess_units import Known
+from gyrocal.recording.source import Source
+
+N = 6000
+T_S = np.arange(N) / 100
+
+
+def tumbled(size_dps: float, acc: float, unit: float, rng: np.random.Generator) -> pl.DataFrame:
+    """A sensor that is turned to and fro about changing axes, by hand, with gravity as its accelerometer shows it."""
+    from scipy.spatial.transform import Rotation
+
+    phases = rng.uniform(0, 6.28, 3)
+    rate_dps = size_dps * np.sin(2 * np.pi * np.outer(T_S, [0.31, 0.43, 0.23]) + phases)
+    turn = Rotation.identity()
+    up = np.empty((N, 3))
+    for k, step in enumerate(Rotation.from_rotvec(np.radians(rate_dps) / 100)):
+        up[k] = turn.inv().apply([0, 0, 1])
+        turn = turn * step
+    gyro = unit * (rate_dps + np.array([0.8, -0.5, 0.3]) + rng.normal(0, 0.1, (N, 3)))
+    shaken = acc * (up + rng.normal(0, 0.01, (N, 3)))
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    return pl.DataFrame(np.column_stack([T_S, gyro, shaken]), schema=names)
+
+
+@pytest.mark.parametrize("acc", [1.0, 9.80665, 0.62])
+@pytest.mark.parametrize(("unit", "one"), [("dps", 1.0), ("rad/s", np.pi / 180)])
+@pytest.mark.parametrize("size_dps", [8.0, 30.0])
+def test_gravity_decides_and_the_unit_of_the_accelerometer_does_not(size_dps: float, unit: str, one: float, acc: float) -> None:
+    found = guess(Source("a.csv", tumbled(size_dps, acc, one, np.random.default_rng(1))), Scaling())
+    mine = [g for g in found if g.map.startswith("g")]
+    assert [g.map for g in mine] == [f"g{a}_dps=g{a}:{unit}" for a in "xyz"]
+    assert all("as gravity does" in g.why and not g.asks for g in mine)
+
+
+def test_a_wrong_scale_of_the_accelerometer_is_told_and_not_mended() -> None:
+    found = guess(Source("a.csv", tumbled(20.0, 0.62, 1.0, np.random.default_rng(1))), Scaling())
+    ax = next(g for g in found if g.map.startswith("ax_g"))
+    assert ax.map == "ax_g=ax:g"
+    assert "the scale of this accelerometer is wrong" in ax.why
+
+
+def turned(rate: float) -> pl.DataFrame:
+    """A turn about z at a constant rate, without an accelerometer."""
+    rates = np.random.default_rng(0).normal([0, 0, rate], 0.02 * rate, (N, 3))
+    return pl.DataFrame(np.column_stack([T_S, rates]), schema=["t", "gx", "gy", "gz"])
+
+
+@pytest.mark.parametrize(("rate", "unit"), [(20.0, "dps"), (np.radians(20), "rad/s")])
+@pytest.mark.parametrize("known", [Known(rate_dps=-20.0), Known(reference_dps=lambda: 19.0)])
+def test_a_known_motion_decides(rate: float, unit: str, known: Known) -> None:
+    found = next(g for g in guess(Source("a.csv", turned(rate)), Scaling(), known=known) if g.map.startswith("gz"))
+    assert found.map == f"gz_dps=gz:{unit}"
+    assert not found.asks
+
+
+@pytest.mark.parametrize(("noise", "unit"), [(0.0008, "rad/s"), (0.12, "dps")])
+def test_the_noise_at_rest_decides(noise: float, unit: str) -> None:
+    rates = np.random.default_rng(0).normal([0.01, 0.02, -0.01], noise, (N, 3))
+    table = pl.DataFrame(np.column_stack([T_S, rates]), schema=["t", "gx", "gy", "gz"])
+    found = next(g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("gz"))
+    assert found.map == f"gz_dps=gz:{unit}"
+    assert not found.asks
+
+
+@pytest.mark.parametrize("consent", ["--yes", "--json"])
+def test_what_nothing_decides_is_asked_for(consent: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    turned(1.0).write_csv(tmp_path / "log.csv")
+    command = ["import", str(tmp_path / "log.csv"), str(tmp_path / "out"), "--rate", "0"]
+    assert main([*command, consent]) == 2
+    said = capsys.readouterr().err
+    assert "the unit of gx is not known" in said
+    assert "--map 'gz_dps=gz:dps', or :rad/s in each" in said
+    assert not (tmp_path / "out").exists()
+    maps = [part for a in "xyz" for part in ("--map", f"g{a}_dps=g{a}:rad/s")]
+    assert main([*command, "--map", "t_s=t", *maps, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["guessed"] == []

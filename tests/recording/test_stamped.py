@@ -1,0 +1,86 @@
+"""Stamps of a host and uneven samples look alike; the readings of a moving sensor tell which they are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import Imported, read_recording
+
+N = 6000
+TRUE_S = np.arange(N) / 100
+
+
+def rates(t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A hand's motion of up to 2 Hz, dps."""
+    waves = [40 * np.sin(2 * np.pi * f * t_s + p) for f, p in ((0.5, 0), (1.1, 1), (2.0, 2))]
+    return np.column_stack([sum(waves), waves[0] - waves[1], waves[2]]) + rng.normal(0, 0.1, (t_s.size, 3))
+
+
+def stamped(kind: str, t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The stamps that a host gives to samples of these moments."""
+    n = t_s.size
+    k = np.arange(n)
+    steps = {"two steps": np.where(k % 22 == 21, 0.00496, 0.01024), "alternating": np.where(k % 2, 0.006, 0.014)}
+    if kind in steps:
+        return np.asarray(t_s + np.cumsum(steps[kind] - 0.01))
+    if kind == "jitter":
+        return np.sort(t_s + rng.uniform(0, 0.009, n))
+    if kind == "late":  # a host that stalls, and stamps what waited for it when it is back
+        late = t_s.copy()
+        for k in range(100, n - 10, 250):
+            late[k : k + 4] = t_s[k] + 0.032 + np.arange(4) * 1.5e-3
+        return late
+    assert kind == "rounding"
+    return np.floor(t_s * 125) / 125
+
+
+def imported(tmp_path: Path, stamps: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, Imported]:
+    rows = "\n".join(f"{t:.7f},{','.join(f'{v:.5f}' for v in row)}" for t, row in zip(stamps, readings, strict=True))
+    (tmp_path / "log.csv").write_text(f"t_s,gx_dps,gy_dps,gz_dps\n{rows}\n")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    return found.session.runs[0].t_s, found
+
+
+@pytest.mark.parametrize("kind", ["two steps", "alternating", "jitter", "late", "rounding"])
+def test_the_stamps_of_a_host_are_replaced_where_the_readings_follow_their_numbers(kind: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    t_s, found = imported(tmp_path, stamped(kind, TRUE_S, rng), rates(TRUE_S, rng))
+    assert np.ptp(t_s - TRUE_S) < 0.002
+    assert np.diff(t_s).max() < 1.05 * 0.01, "no sample is missing"
+    assert found.repaired["times"] == N
+    assert "0 samples are missing" not in found.warnings[0].text
+    assert "ms rms off an even course of 100 samples a second" in found.warnings[0].text
+
+
+@pytest.mark.parametrize("kind", ["two steps", "late"])
+def test_losses_beside_the_stamps_of_a_host_are_kept(kind: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    left = np.delete(np.arange(N), [1000, *range(2050, 2060), 4444])
+    stamps = stamped(kind, TRUE_S, rng)[left]
+    t_s, found = imported(tmp_path, stamps, rates(TRUE_S[left], rng))
+    assert np.ptp(t_s - TRUE_S[left]) < 0.003
+    assert "12 samples are missing" in found.warnings[0].text
+
+
+def test_samples_that_were_taken_unevenly_keep_their_times(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    for t_s in (
+        np.sort(TRUE_S + rng.uniform(0, 0.006, N)),  # a poll that waits, and reads when it is back
+        np.cumsum(rng.uniform(0.004, 0.016, N)),
+        stamped("alternating", TRUE_S, rng),
+        np.cumsum(np.where(np.arange(N) % 10 == 9, 0.0015, 0.0109)),  # two readings at once now and then
+        np.delete(TRUE_S, rng.choice(N, 400, replace=False)),
+    ):
+        kept, found = imported(tmp_path, t_s, rates(t_s, rng))
+        assert kept == pytest.approx(t_s - t_s[0], abs=1e-6)
+        assert "times" not in found.repaired
+        assert found.session.runs[0].sample_s == pytest.approx(kept, abs=1e-9)
+
+
+def test_a_host_that_was_late_at_rest_has_lost_nothing(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    t_s, found = imported(tmp_path, stamped("late", TRUE_S, rng), rng.normal(0, 0.1, (N, 3)))
+    assert np.diff(t_s).max() < 1.05 * 0.01
+    assert "missing" not in found.warnings[0].text
