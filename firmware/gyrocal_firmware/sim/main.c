@@ -207,8 +207,8 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
     int taken = -1;
     if (is_on(sim, FAULT_STUCK_BUS)) {
         taken = (int)n;
-    } else if (address == sim->part.kind->address) {
-        taken = emul_write(&sim->part, sim->now_us, reg, data, n);
+    } else {
+        taken = emul_write(&sim->part, sim->now_us, address, reg, data, n);
     }
     spend_bus_time(sim, n + 2u);
     return taken;
@@ -216,7 +216,7 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     sim_t *sim = context;
-    int given = address == sim->part.kind->address ? emul_read(&sim->part, sim->now_us, reg, data, n) : -1;
+    int given = emul_read(&sim->part, sim->now_us, address, reg, data, n);
     if (is_on(sim, FAULT_STUCK_BUS)) {
         memset(data, 0, n);
         given = (int)n;
@@ -290,6 +290,11 @@ static int store(void *context, const char *key, const void *data, size_t n) {
 
 static int load(void *context, const char *key, void *data, size_t n) {
     return flash_read(&((sim_t *)context)->flash, key, data, n);
+}
+
+static const uint8_t *part_file(void *context, const char *part, size_t *n) {
+    (void)context;
+    return emul_part_file(part, n);
 }
 
 static void hear(sim_t *sim) {
@@ -480,6 +485,7 @@ int main(int argc, char **argv) {
         /* Otherwise each power cycle begins with empty flash. */
         .store = faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
         .load = load,
+        .part_file = part_file,
     };
     const gc_device_config_t config = {
         .port = &port,

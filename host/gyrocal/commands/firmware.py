@@ -13,6 +13,10 @@ def run(
     include: Annotated[
         Path | None, typer.Option(help="Folder of calibration.h and weights.h, as `gyrocal export` writes them.")
     ] = None,
+    part_file: Annotated[
+        Path | None,
+        typer.Option(help="The configuration file that a BMI270 needs: Bosch's bmi270.c, or its bytes (docs/board.md, Sensors)."),
+    ] = None,
     library: Annotated[
         bool, typer.Option("--library", help="Write a library for Arduino, PlatformIO, ESP-IDF or CMake in place of a project.")
     ] = False,
@@ -28,8 +32,8 @@ def run(
     if axis not in ("x", "y", "z"):
         raise InputError(f"--axis {axis}: want x, y or z")
     if library:
-        create_library(directory, model, include, axis)
+        create_library(directory, model, include, axis, part_file)
         typer.echo(f"{directory}: put it where your Arduino, PlatformIO or ESP-IDF project keeps its libraries; see examples/")
         return
-    create(directory, model, include, axis)
+    create(directory, model, include, axis, part_file)
     typer.echo(f"{directory}: flash it with: cd {directory} && pio run -t upload && pio device monitor")
