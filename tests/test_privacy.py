@@ -45,6 +45,7 @@ CASES = {
     "compare": Case(("compare s --html page.html --residuals rest.csv",), ("page.html", "rest.csv"), FONTS),
     "demo": Case(("demo --json",), ("demo-out",), CORE + FONTS),
     "diagnose": Case(("diagnose s --json",)),
+    "doctor": Case(("doctor --port BENCH --seconds 2 --json",)),
     "effects": Case(("effects", "effects warmup --json")),
     "explain": Case(("explain s --model m.toml --json",), ("m.toml",)),
     "export": Case((f"export --model {MODEL}",), ("export",)),
@@ -93,10 +94,12 @@ def watched(watched: Watched, sessions: Path) -> Watched:
 @pytest.fixture
 def port(request: pytest.FixtureRequest, sessions: Path) -> Iterator[str]:
     """The port of a simulated device, where the command line asks for one."""
-    if not any("PORT" in line for line in CASES[request.getfixturevalue("verb")].lines):
+    lines = CASES[request.getfixturevalue("verb")].lines
+    bench = any("BENCH" in line for line in lines)
+    if not bench and not any("PORT" in line for line in lines):
         yield ""
         return
-    with SimulatedDevice(sessions / "s") as device:
+    with SimulatedDevice(sessions / "s", speed=1 if bench else "max", bench=bench) as device:
         yield device.port
 
 
@@ -142,7 +145,7 @@ def test_a_verb(
     for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
         require_module(module)
     for line in case.lines:
-        process = watched.gyrocal(*(port if word == "PORT" else word for word in line.split()))
+        process = watched.gyrocal(*(port if word in ("PORT", "BENCH") else word for word in line.split()))
         told, _ = process.communicate(timeout=300)
         assert process.returncode in ((0, ENDS_WITH_THE_DEVICE) if port else (0,)), told
     watched.check(case.makes, case.keeps, serves=case.serves)

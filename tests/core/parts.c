@@ -241,6 +241,7 @@ static void check_self_test(const gc_part_t *part) {
     for (int i = 0; i < 3; i++) {
         CHECK(result.change_dps[i] != result.change_dps[i] || fabs(result.change_dps[i] - 400.0) < 0.1);
     }
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, part->odr[part->odrs / 2].hz, 250.0) == GC_OK);
     (void)wait_for_data(&imu);
     CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh && right(part, &imu, &s)); /* as it was before */
     const emul_faults_t weak = {.stuck_mass = true}, silent = {.nack = true}, none = {.nack = false};

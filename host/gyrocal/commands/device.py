@@ -34,6 +34,9 @@ def run(
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Stay when all is replayed, answering commands.")] = False,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Replay nothing: a board at rest, with noise and flash, that answers commands.")
+    ] = False,
 ) -> None:
     """A simulated device: the firmware's own C core behind a virtual serial port.
 
@@ -61,7 +64,7 @@ def run(
     _end_by_signals()
     wanted = _wanted(fault, faults, fifo)
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold
+        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold, bench=bench
     )
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)

@@ -122,14 +122,15 @@ def _part_file_bytes(path: Path) -> bytes:
             raise InputError(f"{path}: its array holds more than bytes")
         data = bytes(numbers)
     if not data or len(data) % 2 or len(data) > PART_FILE_MOST:
-        raise InputError(f"{path}: {len(data)} bytes; want the maker's configuration file, an even number up to {PART_FILE_MOST}")
+        wanted = f"want the maker's configuration file, an even number up to {PART_FILE_MOST}"
+        raise InputError(f"{path}: {len(data)} bytes; {wanted}")
     return data
 
 
 def _part_file_header(data: bytes) -> str:
     rows = [", ".join(f"0x{byte:02X}" for byte in data[at : at + 16]) for at in range(0, len(data), 16)]
     return (
-        "/* The configuration file of a sensor's maker, under the maker's licence. Written by gyrocal firmware --part-file. */\n"
+        "/* The configuration file of a sensor's maker, under its licence. Written by gyrocal firmware --part-file. */\n"
         "#ifndef PART_FILE_H\n#define PART_FILE_H\n\n#include <stdint.h>\n\n"
         f"#define PART_FILE_BYTES {len(data)}\n\n"
         "static const uint8_t part_file[PART_FILE_BYTES] = {\n    " + ",\n    ".join(rows) + ",\n};\n\n#endif\n"

@@ -195,12 +195,7 @@ void gc_sensor_judge_change(gc_self_test_t *result, const double change_dps[3], 
 int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {
     const gc_part_t *part = sensor->part;
     *result = (gc_self_test_t){.change_dps = {NAN, NAN, NAN}, .least_dps = NAN, .most_dps = NAN};
-    if (part->self_test == NULL) {
-        return GC_E_NO_SELF_TEST;
-    }
-    const int error = part->self_test(sensor, result);
-    const int after = gc_sensor_init(sensor, part, sensor->port, sensor->address, sensor->odr_hz, sensor->full_scale_dps);
-    return error != GC_OK ? error : after;
+    return part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
 }
 
 /* Judges whether data stay away for too long, and finds the reason. */

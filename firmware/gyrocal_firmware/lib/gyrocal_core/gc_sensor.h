@@ -141,7 +141,7 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch);
 /* Returns the mean temperature in degC from the sum of n readings in counts; NaN for n = 0. */
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n);
 
-/* Runs the part's own test and sets it up again, single samples. Returns GC_E_NO_SELF_TEST if it has none. */
+/* Runs the part's own test, after which it must be set up again. Returns GC_E_NO_SELF_TEST if it has none. */
 int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result);
 
 /* The functions from here on serve drivers. */
