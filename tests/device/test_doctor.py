@@ -3,13 +3,15 @@
 import json
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.device.doctor import Check, Doctor
+from gyrocal.device.doctor import Check, Doctor, Heard, _clock
 from gyrocal.device.find import find_port
 from gyrocal.device.port import Link
 from gyrocal.device.simulated import SimulatedDevice, simulated_scenario
+from gyrocal.device.wire import Sentence
 from gyrocal.errors import DeviceError
 from gyrocal.recording.session import Session
 
@@ -34,13 +36,18 @@ def examine(session: Session, faults: tuple[str, ...] = (), *, restart: bool = T
     return {check.name: check for check in checks}
 
 
+def sound(checks: dict[str, Check]) -> bool:
+    """On a busy machine the clocks cannot be compared, which the check says."""
+    return all(check.ok is True or (name == "clock" and check.ok is None) for name, check in checks.items())
+
+
 def wrong(checks: dict[str, Check]) -> set[str]:
     return {name for name, check in checks.items() if check.ok is False}
 
 
 def test_a_sound_board_passes(scenario: Session) -> None:
     found = examine(scenario)
-    assert {name: check for name, check in found.items() if not check.ok} == {}
+    assert sound(found), found
     assert list(found) == ALL
     assert "x 400, y 400, z 400 dps" in found["self-test"].found
     assert all(check.advice == "" for check in found.values())
@@ -54,7 +61,6 @@ def test_a_sound_board_passes(scenario: Session) -> None:
         ("stuck_mass", "self-test", "failed: it moved x"),
         ("garbled@0:9999", "losses", "damaged on the wire"),
         ("busy@3:1", "losses", "missed by the board"),
-        ("clock_jump@3.5:0.5", "clock", "beside this computer's"),
         ("spikes@0:9999", "noise", "dps, usual"),
         ("frozen@0:9999", "noise", "x 0.000"),
     ],
@@ -64,6 +70,18 @@ def test_a_fault_fails_its_check_with_advice(scenario: Session, fault: str, chec
     assert check in wrong(found), found
     assert said in found[check].found
     assert found[check].advice
+
+
+@pytest.mark.parametrize(("jumps_s", "busy_s", "ok"), [(0.0, 0.0, True), (0.5, 0.0, False), (0.0, 0.02, True), (0, 0.2, None)])
+def test_the_clocks_are_compared_as_far_as_this_computer_can(jumps_s: float, busy_s: float, ok: bool | None) -> None:
+    """Samples of 10 s that come in bundles; the board's clock jumps in the middle, or this machine reads them late."""
+    rng, heard, late_s = np.random.default_rng(3), Heard(), 0.0
+    for n in range(1450):
+        t_s = n / 145 + (jumps_s if n > 700 else 0.0)
+        heard.raw.append(Sentence("RAW", n, round(1e6 * t_s), 0, f"{n},0,0,0,0,0,0,0"))
+        late_s = 0.001 + busy_s * rng.random() if n % 7 == 0 else late_s
+        heard.arrived_s.append((n // 7 * 7 + 6) / 145 + late_s)
+    assert _clock(0, heard).ok is ok
 
 
 def test_a_sensor_without_a_self_test_is_no_fault(scenario: Session) -> None:

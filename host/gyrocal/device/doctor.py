@@ -32,6 +32,8 @@ CLOCK_OFF = 1e-3
 """The largest fraction by which the clock of a board with a crystal or a trimmed oscillator is off."""
 HOST_LATE_S = 0.02
 """How late this machine may see even the promptest of several sentences."""
+BUSY_TIMES, BUSY_S = 5.0, 0.2
+"""So many times the change of lateness from one reading to the next is allowed, and no more than so much in all."""
 NOISE_RATIO = 3.0
 MOVES_DPS = 1.0
 GRAVITY_OFF = 0.1
@@ -283,15 +285,21 @@ def _rate(imu: int, heard: Heard) -> Check:
 
 
 def _clock(imu: int, heard: Heard) -> Check:
-    """The promptest sentences of the first and of the last fifth tell how far the two clocks have gone apart."""
-    device_s = 1e-6 * np.array([sentence.t_us for sentence in heard.raw], float)
-    late_s = np.array(heard.arrived_s) - device_s
+    """The promptest sentences of the first and of the last fifth tell how far the two clocks have gone apart.
+
+    A computer that is busy sees all of them late; how much so shows in how the lateness changes from one reading to the next.
+    """
+    last = np.append(np.diff(heard.arrived_s) > 0, True)  # of those that came together, the promptest
+    device_s = 1e-6 * np.array([sentence.t_us for sentence in heard.raw], float)[last]
+    late_s = np.array(heard.arrived_s)[last] - device_s
     fifth = max(len(late_s) // 5, 1)
     span_s = float(device_s[-1] - device_s[0])
     if span_s < 1.0:
         return Check("clock", None, "too few samples to tell", imu=imu)
     apart_s = float(late_s[-fifth:].min() - late_s[:fifth].min())
-    limit_s = CLOCK_OFF * span_s + HOST_LATE_S
+    limit_s = CLOCK_OFF * span_s + HOST_LATE_S + BUSY_TIMES * float(np.median(np.abs(np.diff(late_s))))
+    if limit_s > BUSY_S:
+        return Check("clock", None, "this computer is too busy to tell", imu=imu)
     words = f"{1e3 * apart_s:+.1f} ms beside this computer's in {span_s:.0f} s, within {1e3 * limit_s:.0f}"
     ok = abs(apart_s) <= limit_s
     advice = "" if ok else "look for a board that stalls or starts again; listen longer (--seconds 60)"
@@ -304,7 +312,7 @@ def _noise(imu: int, heard: Heard) -> Check:
         return Check("noise", None, "the device does not say what is usual: flash it again", imu=imu)
     rates = lsb_dps * _counts(heard)[:, :3]
     n = max(int(BLOCK_S * rate_hz), 1)
-    blocks = rates[: len(rates) // n * n].reshape(-1, n, 3).mean(axis=1)
+    blocks = np.median(rates[: len(rates) // n * n].reshape(-1, n, 3), axis=1)  # single readings that stand out move none
     if len(blocks) and float(np.ptp(blocks, axis=0).max()) > MOVES_DPS:
         moves_dps = float(np.ptp(blocks, axis=0).max())
         return Check("noise", False, f"it moves, by {moves_dps:.1f} dps", "lay it still and begin again", imu)
