@@ -256,7 +256,8 @@ class Doctor:
     def _dump(self) -> list[str]:
         """The kept results and counts of the first sensor, as they are sent."""
         answer = self.link.command("dump")
-        wanted, found = int(answer.real("lines") or 0), []
+        wanted = int(answer.real("lines") or 0)
+        found: list[str] = []
         deadline = time.monotonic() + DUMP_S
         while len(found) < wanted and time.monotonic() < deadline:
             found += [s.tag + s.text for s in self._take() if s.tag in ("OLD", "WIN") and s.imu == answer.imu]

@@ -95,9 +95,10 @@ public:
     /* The address of the first sensor that the library knows; 0 if none answers. */
     uint8_t find() const {
         const gc_part_t *found = nullptr;
-        for (const uint8_t address : {0x6B, 0x6A, 0x68, 0x69}) {
-            if (gc_part_find(gc_parts, &port_, static_cast<uint8_t>(address), &found) == GC_OK) {
-                return static_cast<uint8_t>(address);
+        for (const int each : {0x6B, 0x6A, 0x68, 0x69}) {
+            const uint8_t address = static_cast<uint8_t>(each);
+            if (gc_part_find(gc_parts, &port_, address, &found) == GC_OK) {
+                return address;
             }
         }
         return 0;
