@@ -5,6 +5,9 @@
 #include "gc_calibration.h"
 #include "gc_cnn.h"
 
+#include <stddef.h>
+#include <stdint.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
