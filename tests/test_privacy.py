@@ -50,6 +50,7 @@ CASES = {
         smaller="from gyrocal import demo; demo.CAMPAIGN_SCENARIOS, demo.CAMPAIGN_SECONDS, demo.TEST_SCENARIOS = 3, 15.0, 2",
     ),
     "diagnose": Case(("diagnose s --json",)),
+    "doctor": Case(("doctor --port BENCH --seconds 2 --json",)),
     "effects": Case(("effects", "effects warmup --json")),
     "explain": Case(("explain s --model m.toml --json",), ("m.toml",)),
     "export": Case((f"export --model {MODEL}",), ("export",)),
@@ -99,10 +100,12 @@ def watched(watched: Watched, sessions: Path) -> Watched:
 @pytest.fixture
 def port(request: pytest.FixtureRequest, sessions: Path) -> Iterator[str]:
     """The port of a simulated device, where the command line asks for one."""
-    if not any("PORT" in line for line in CASES[request.getfixturevalue("verb")].lines):
+    lines = CASES[request.getfixturevalue("verb")].lines
+    bench = any("BENCH" in line for line in lines)
+    if not bench and not any("PORT" in line for line in lines):
         yield ""
         return
-    with SimulatedDevice(sessions / "s") as device:
+    with SimulatedDevice(sessions / "s", speed=1 if bench else "max", bench=bench) as device:
         yield device.port
 
 
@@ -148,7 +151,7 @@ def test_a_verb(
     for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
         require_module(module)
     for line in case.lines:
-        words = [port if word == "PORT" else word for word in line.split()]
+        words = [port if word in ("PORT", "BENCH") else word for word in line.split()]
         program = f"{case.smaller}; from gyrocal.cli import main; raise SystemExit(main({words}))"
         process = watched.start(sys.executable, "-c", program) if case.smaller else watched.gyrocal(*words)
         told, _ = process.communicate(timeout=300)

@@ -6,7 +6,7 @@
  *     run SECONDS                steps of the device until so much virtual time has passed
  *     sync SECONDS               the same until the device's clock stands at SECONDS
  *     power                      a fresh device; what it stored is still there
- *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset, bad_tags; brownout happens once
+ *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset, bad_tags, stuck_mass; brownout happens once
  *     drop N                     the next N sentences find no room
  *     store on|off|fails
  *     cut N PERCENT              the power fails in the Nth store from now, after so much of it; then nothing until `power`
@@ -175,7 +175,7 @@ static bool set_fault(const char *name, bool on) {
         const char *name;
         bool *flag;
     } const flags[] = {{"nack", &chip.nack},   {"short", &short_reads},         {"wrong_id", &chip.wrong_id},
-                       {"bad_tags", &chip.bad_tags},
+                       {"bad_tags", &chip.bad_tags}, {"stuck_mass", &chip.stuck_mass},
                        {"stale", &chip.stale}, {"stuck_bit", &chip.stuck_bit}, {"stuck_reset", &chip.stuck_reset}};
     for (size_t i = 0; i < sizeof flags / sizeof flags[0]; i++) {
         if (strcmp(name, flags[i].name) == 0) {

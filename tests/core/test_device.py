@@ -326,3 +326,35 @@ def test_after_a_run_the_state_says_its_length_three_times(bench: Path) -> None:
     assert not sentences(run(bench, begin.replace("raw", "off") + "run 6\n"), "STA")
     assert "run_n" not in sentences(run(bench, "power\n> status\n"), "STA")[0]
     assert "run_n" not in sentences(run(bench, f"{begin}> reset\n> status\nrun 2\n"), "STA")[0]
+
+
+def test_the_sensors_own_test_is_told_and_sampling_goes_on(bench: Path) -> None:
+    """AN5192: each axis moves by 150 to 700 dps. The emulated mass moves by 400."""
+    text = run(bench, f"{STILL}noise 5\npower\n> stream raw\nrun 1\n> selftest\nrun 1\n> status\n")
+    found = sentences(text, "TST")
+    assert [s["passed"] for s in found] == ["1"]
+    assert [found[0].number(f"{axis}_dps") for axis in "xyz"] == pytest.approx([400.0] * 3, abs=0.5)
+    assert (found[0].number("least_dps"), found[0].number("most_dps")) == (150.0, 700.0)
+    later = [s for s in sentences(text, "RAW") if s.t_us > found[0].t_us]
+    assert len(later) > 100
+    assert max(abs(int(s["3"])) for s in later) < 100  # as before: nothing of the test is left
+    assert not errors(text)
+    assert sentences(text, "STA")[-1]["missed"] == "0"
+
+
+@pytest.mark.parametrize("fifo", ["", "> set rate_hz 104\n> set fifo 16\n"])
+def test_a_mass_that_does_not_move_fails_the_test_and_a_run_is_not_disturbed_by_one(bench: Path, fifo: str) -> None:
+    script = f"{STILL}power\n{fifo}fault stuck_mass on\n> selftest\nrun 1\n{UP}> start up\nrun 1\n> selftest\nrun 1\n> stop\n"
+    text = run(bench, script)
+    found = sentences(text, "TST")
+    assert [s["passed"] for s in found] == ["0"]
+    assert [found[0].number(f"{axis}_dps") for axis in "xyz"] == [0.0] * 3
+    assert errors(text) == ["recording"]
+    end = sentences(text, "RUN")[-1]
+    assert (end["state"], end["missed"]) == ("end", "0")
+
+
+def test_a_sensor_that_goes_away_during_its_test_is_found_again(bench: Path) -> None:
+    text = run(bench, f"{STILL}power\nfault stale on\n> selftest\nrun 1\nfault stale off\nrun 2\n> selftest\n")
+    assert errors(text)[0] == "stale"
+    assert [s["passed"] for s in sentences(text, "TST")] == ["1"]

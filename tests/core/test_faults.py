@@ -55,6 +55,7 @@ EXPECTED = {
     "buffer_full": Expected(host="samples_lost"),
     "clock_jump": Expected("net_gap", "missed"),
     "power_loss": Expected(host="device restarted"),
+    "stuck_mass": Expected(host="`$TST` with `passed=0`"),
 }
 LASTING = [name for name, expected in EXPECTED.items() if expected.lasts]
 PASSING = [name for name in EXPECTED if name not in LASTING]

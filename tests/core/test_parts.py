@@ -19,8 +19,8 @@ def test_drivers_against_the_emulated_parts(build: Build) -> None:
 
 
 def test_the_list_is_whole() -> None:
-    assert len(NAMES) == 11
-    assert {"LSM6DSO", "MPU-6050", "ICM-42688-P"} < set(NAMES)
+    assert len(NAMES) == 15
+    assert {"LSM6DSO", "MPU-6050", "ICM-42688-P", "ICM-20948", "BMI270", "BMI088", "LSM6DSV"} < set(NAMES)
 
 
 @pytest.mark.parametrize("rate_hz", [145.0, 500.0])

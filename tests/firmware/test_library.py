@@ -142,3 +142,91 @@ def test_the_command_writes_it_and_leaves_other_folders_alone(tmp_path: Path, ca
     (tmp_path / "other" / "file").write_text("")
     assert main(["firmware", str(tmp_path / "other"), "--library"]) == 2
     assert "give a new folder" in capsys.readouterr().err
+
+
+CPP = r"""
+#include "gyrocal.hpp"
+
+extern "C" {
+#include "emul.h"
+}
+
+#include <cstdio>
+#include <cstring>
+
+static emul_t emul;
+
+struct Bare {
+    uint64_t now = 0;
+    bool write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+        now += 70;
+        return emul_write(&emul, now, address, reg, data, n) >= 0;
+    }
+    bool read(uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+        now += 70;
+        return emul_read(&emul, now, address, reg, data, n) >= 0;
+    }
+    uint64_t now_us() { return now; }
+    void wait_until_us(uint64_t t_us) { now = t_us > now ? t_us : now; }
+    bool send(std::string_view text) { return std::fwrite(text.data(), 1, text.size(), stdout) == text.size(); }
+};
+
+struct Whole : Bare {
+    char kept[8192] = "";
+    bool store(const char *, const void *data, size_t n) { std::memcpy(kept, data, n < sizeof kept ? n : 0); return true; }
+    int load(const char *, void *, size_t) { return -1; }
+    void led(gc_led_t state) { std::printf("# led %d\n", static_cast<int>(state)); }
+    void restart() { std::printf("# restarts\n"); }
+};
+
+template <typename Board> void play(Board &board) {
+    static gyrocal::Device<Board> device(board);
+    emul_power_on(&emul, 1.0, 0, 250.0);
+    board.wait_until_us(200000);
+    device.begin();
+    device.receive("stream raw\n");
+    for (int i = 0; i < 20; i++) {
+        device.step();
+    }
+    device.receive("set table_dps 45\nreboot\n");
+}
+
+int main() {
+    static Bare bare;
+    static Whole whole;
+    emul.kind = emul_kind("MPU-6050");
+    play(bare);
+    emul.kind = emul_kind("LSM6DSV");
+    play(whole);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("standard", ["c++17", "c++20"])
+def test_the_device_as_a_class(
+    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, standard: str
+) -> None:
+    """What a board's class lacks is left out: without `restart` the command is unknown."""
+    (tmp_path / "main.cpp").write_text(CPP)
+    flags = ["-fsanitize=address,undefined", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
+    linked = [str(path) for path in sorted(objects.glob("*.o")) if path.name.startswith(("gc_", "emul", "headers"))]
+    linked += [str(objects / f"{path.stem}.o") for path in (library / "src" / "effects").glob("*.c")]
+    command = [require_tool("g++"), f"-std={standard}", *flags, f"-I{library / 'src'}", f"-I{SIM}", str(tmp_path / "main.cpp")]
+    subprocess.run([*command, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
+    said = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
+    hello = [s.fields["sensor"] for s in sentences(said, "HEL")]
+    assert hello == ["MPU-6050", "LSM6DSV"]
+    assert len(sentences(said, "RAW")) > 30
+    assert [s.fields["name"] for s in sentences(said, "ERR")] == ["unknown_command"]
+    assert said.count("# restarts\n") == 1
+    assert "# led 0\n" in said
+
+
+def test_the_platforms_come_with_it(library: Path) -> None:
+    for name in ("pico/main.c", "stm32/gyrocal_stm32.c", "esp_idf/main/main.c", "zephyr/src/main.c", "zephyr/prj.conf"):
+        text = (library / "platforms" / name).read_text()
+        assert "gyrocal" in text.lower()
+    module = (library / "zephyr" / "module.yml").read_text()
+    for key, path in re.findall(r"(cmake|kconfig|dts_root): (\S+)", module):
+        assert (library / path).exists(), key

@@ -8,6 +8,7 @@
 
 #include "fuzz.h"
 
+#define FIFO_DATA_OUT_TAG 0x78
 #define MOST_TRANSFERS 20000u /* of one input: a device that reads for ever would be caught */
 
 static uint64_t now;
@@ -38,7 +39,7 @@ static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, 
     }
     for (size_t i = 0; i < n; i++) {
         const uint8_t at = (uint8_t)(reg + i);
-        const int data_register = at >= GC_LSM6DSO_STATUS && (at < 0x60 || at >= GC_LSM6DSO_FIFO_DATA_OUT_TAG);
+        const int data_register = at >= GC_LSM6DSO_STATUS && (at < 0x60 || at >= FIFO_DATA_OUT_TAG);
         data[i] = at == GC_LSM6DSO_WHO_AM_I ? GC_LSM6DSO_ID
                   : data_register || luck > 0xF0u ? fuzz_byte(&in)
                                                   : (uint8_t)(written[at] & (at == GC_LSM6DSO_CTRL3_C ? 0xFEu : 0xFFu));

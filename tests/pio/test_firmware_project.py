@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.core.firmware_project import create
+from gyrocal.errors import InputError
 from gyrocal_firmware import INCLUDE, ROOT
 
 from .conftest import REPOSITORY, Pio
@@ -121,3 +124,29 @@ def test_from_a_wheel_unpacked_elsewhere(require_module: Callable[[str], None], 
     assert main(["firmware", str(want)]) == 0
     assert files(project) == files(want)
     assert importlib.util.find_spec("gyrocal_firmware") is not None
+
+
+def test_a_makers_file_becomes_a_header(tmp_path: Path) -> None:
+    """As bytes, or as C like Bosch's bmi270.c: the longest array of bytes in it, comments left out."""
+    data = bytes((7 * i + 3) % 256 for i in range(328))
+    rows = ", ".join(f"0x{byte:02x}" for byte in data)
+    small = "/* uint8_t not[] = {1}; */\nstatic const uint8_t small[] = {0x01, 2};\n"
+    source = f"{small}const uint8_t file[] = {{\n {rows} // end\n}};\n"
+    (tmp_path / "maker.c").write_text(source)
+    (tmp_path / "maker.bin").write_bytes(data)
+    headers = []
+    for name in ("maker.c", "maker.bin"):
+        create(tmp_path / name.replace(".", "_"), part_file=tmp_path / name)
+        headers.append((tmp_path / name.replace(".", "_") / "include" / "part_file.h").read_text())
+    assert headers[0] == headers[1]
+    found = bytes(int(word, 16) for word in re.findall(r"0x[0-9A-F]{2}", headers[0]))
+    assert found == data
+    assert "#define PART_FILE_BYTES 328\n" in headers[0]
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.c", b"int x;"), ("a.bin", b"abc"), ("a.bin", b""), ("b.bin", b"x" * 9000)])
+def test_what_is_no_makers_file_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match="want the maker's configuration file"):
+        create(tmp_path / "project", part_file=tmp_path / name)
+    assert not (tmp_path / "project").exists()

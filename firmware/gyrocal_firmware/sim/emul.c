@@ -17,7 +17,7 @@
         c->stale = faults->stale;                                                                                        \
         c->stuck_bit = faults->stuck_bit;                                                                                \
         c->stuck_reset = faults->stuck_reset;                                                                            \
-        SET_TAGS_OF_##part(c, faults);                                                                                   \
+        SET_REST_OF_##part(c, faults);                                                                                   \
     }                                                                                                                    \
     static void part##_power_on(void *chip, uint8_t id, bool is_32, double clock, uint64_t now_us, double full_scale) {  \
         emul_##part##_t *c = chip;                                                                                       \
@@ -53,24 +53,38 @@
                                        part##_set_world, part##_feed, part##_batches, part##_int1, part##_tick_us,       \
                                        part##_advance, part##_write, part##_read, emul_##part##_clock_for}
 
-#define SET_TAGS_OF_lsm6dso(c, faults) (c)->bad_tags = (faults)->bad_tags
-#define SET_TAGS_OF_mpu6050(c, faults) (void)(faults)->bad_tags
-#define SET_TAGS_OF_icm42688(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_lsm6dso(c, faults) ((c)->bad_tags = (faults)->bad_tags, (c)->stuck_mass = (faults)->stuck_mass)
+#define SET_REST_OF_lsm6dsv(c, faults) ((c)->bad_tags = (faults)->bad_tags, (c)->stuck_mass = (faults)->stuck_mass)
+#define SET_REST_OF_bmi088(c, faults) (c)->stuck_mass = (faults)->stuck_mass
+#define SET_REST_OF_bmi270(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_mpu6050(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_icm42688(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_icm20948(c, faults) (void)(faults)->bad_tags
 #define SET_KIND_OF_lsm6dso(c, the_id, the_32) ((c)->id = (the_id), (c)->is_32 = (the_32))
 #define SET_KIND_OF_mpu6050(c, the_id, the_32) ((c)->id = (the_id), (void)(the_32))
 #define SET_KIND_OF_icm42688(c, the_id, the_32) ((void)(the_id), (void)(the_32))
+#define SET_KIND_OF_icm20948 SET_KIND_OF_icm42688
+#define SET_KIND_OF_bmi270 SET_KIND_OF_icm42688
+#define SET_KIND_OF_bmi088 SET_KIND_OF_icm42688
+#define SET_KIND_OF_lsm6dsv SET_KIND_OF_icm42688
 
 FAMILY(lsm6dso);
 FAMILY(mpu6050);
 FAMILY(icm42688);
+FAMILY(icm20948);
+FAMILY(bmi270);
+FAMILY(bmi088);
+FAMILY(lsm6dsv);
 
 const emul_kind_t emul_kinds[] = {
-    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false},     {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false},
-    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true},    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false},
-    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false}, {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false},
-    {"MPU-6050", &mpu6050, 0x68, 0x68, false},    {"MPU-6500", &mpu6050, 0x68, 0x70, false},
-    {"MPU-9250", &mpu6050, 0x68, 0x71, false},    {"MPU-9255", &mpu6050, 0x68, 0x73, false},
-    {"ICM-42688-P", &icm42688, 0x68, 0x47, false}, {NULL, NULL, 0, 0, false},
+    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false, 0},     {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false, 0},
+    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true, 0},    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false, 0},
+    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false, 0}, {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false, 0},
+    {"MPU-6050", &mpu6050, 0x68, 0x68, false, 0},    {"MPU-6500", &mpu6050, 0x68, 0x70, false, 0},
+    {"MPU-9250", &mpu6050, 0x68, 0x71, false, 0},    {"MPU-9255", &mpu6050, 0x68, 0x73, false, 0},
+    {"ICM-42688-P", &icm42688, 0x68, 0x47, false, 0}, {"ICM-20948", &icm20948, 0x68, 0xEA, false, 0},
+    {"BMI270", &bmi270, 0x68, 0x24, false, 0},       {"BMI088", &bmi088, 0x68, 0x0F, false, 0x18},
+    {"LSM6DSV", &lsm6dsv, 0x6B, 0x70, false, 0},     {NULL, NULL, 0, 0, false, 0},
 };
 
 const emul_kind_t *emul_kind(const char *name) {
@@ -122,12 +136,30 @@ void emul_advance(emul_t *emul, uint64_t now_us) {
     emul->kind->family->advance(&emul->chip, now_us);
 }
 
-int emul_write(emul_t *emul, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n) {
-    return emul->kind->family->write(&emul->chip, now_us, reg, data, n);
+/* The die that has the address: 0, 1, or -1. The dies' address pins have the same level. */
+static int die_at(const emul_t *emul, uint8_t address) {
+    const emul_kind_t *kind = emul->kind;
+    const uint8_t first = emul->address != 0 ? emul->address : kind->address;
+    const uint8_t second = (uint8_t)(kind->other_address + (first != kind->address ? 1 : 0));
+    return address == first ? 0 : kind->other_address != 0 && address == second ? 1 : -1;
 }
 
-int emul_read(emul_t *emul, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n) {
-    return emul->kind->family->read(&emul->chip, now_us, reg, data, n);
+bool emul_is_at(const emul_t *emul, uint8_t address) {
+    return die_at(emul, address) >= 0;
+}
+
+int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+    const int die = die_at(emul, address);
+    return die < 0 ? -1 : emul->kind->family->write(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
+int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    const int die = die_at(emul, address);
+    return die < 0 ? -1 : emul->kind->family->read(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
+const uint8_t *emul_part_file(const char *part, size_t *n) {
+    return strcmp(part, "BMI270") == 0 ? emul_bmi270_file(n) : NULL;
 }
 
 double emul_clock_for(const emul_t *emul, double rate_hz) {

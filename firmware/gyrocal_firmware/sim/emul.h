@@ -3,12 +3,17 @@
 #ifndef EMUL_H
 #define EMUL_H
 
+#include "emul_bmi088.h"
+#include "emul_bmi270.h"
+#include "emul_icm20948.h"
 #include "emul_icm42688.h"
 #include "emul_lsm6dso.h"
+#include "emul_lsm6dsv.h"
 #include "emul_mpu6050.h"
 
 typedef struct {
     bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
+    bool stuck_mass; /* the self-test moves nothing */
 } emul_faults_t;
 
 /* The functions of a family of parts. */
@@ -33,14 +38,20 @@ typedef struct {
     const emul_family_t *family;
     uint8_t address, id;
     bool is_32;
+    uint8_t other_address; /* of a second die; 0 = there is none */
 } emul_kind_t;
 
 typedef struct {
     const emul_kind_t *kind;
+    uint8_t address; /* 0 = that of its kind */
     union {
         emul_lsm6dso_t lsm6dso;
         emul_mpu6050_t mpu6050;
         emul_icm42688_t icm42688;
+        emul_icm20948_t icm20948;
+        emul_bmi270_t bmi270;
+        emul_bmi088_t bmi088;
+        emul_lsm6dsv_t lsm6dsv;
     } chip;
 } emul_t;
 
@@ -63,8 +74,13 @@ bool emul_int1(const emul_t *emul);
 /* Returns the time of the next sample by the part's own clock. */
 double emul_tick_us(const emul_t *emul);
 void emul_advance(emul_t *emul, uint64_t now_us);
-int emul_write(emul_t *emul, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
-int emul_read(emul_t *emul, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
+/* Whether one of its dies has the address. */
+bool emul_is_at(const emul_t *emul, uint8_t address);
+/* Return -1 if no die of it answers at the address. */
+int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
+int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+/* The file that an emulated part wants at its start, for gc_port_t; NULL if it wants none. */
+const uint8_t *emul_part_file(const char *part, size_t *n);
 double emul_clock_for(const emul_t *emul, double rate_hz);
 
 #endif

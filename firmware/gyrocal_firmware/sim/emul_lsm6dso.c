@@ -14,6 +14,7 @@ enum {
     CTRL1_XL = 0x10,
     CTRL2_G = 0x11,
     CTRL3_C = 0x12,
+    CTRL5_C = 0x14,
     CTRL9_XL = 0x18,
     CTRL10_C = 0x19,
     STATUS_REG = 0x1E,
@@ -32,6 +33,7 @@ enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 #define BOOT_US 10000u
 #define RESET_US 50u
 #define SETTLE_US 70000u
+#define TEST_DPS 400.0 /* by which the self-test moves the mass */
 #define ROOT_HZ 6667.0 /* AN5192: every output data rate is this rate divided by a power of two */
 
 static const double odr_hz[16] = {0,            ROOT_HZ / 512, ROOT_HZ / 256, ROOT_HZ / 128, ROOT_HZ / 64, ROOT_HZ / 32,
@@ -184,6 +186,14 @@ static uint8_t fifo_byte(emul_lsm6dso_t *chip, uint8_t reg) {
 
 /* ---- samples ---- */
 
+static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int16_t world) {
+    const unsigned test = chip->reg[CTRL5_C] >> 2 & 3u; /* 1 = positive, 3 = negative */
+    const double moved_dps = chip->stuck_mass ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
+    const double counts = world * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
+    const int16_t value = now_us < chip->settled_us ? 0 : emul_counts(counts);
+    return (int16_t)(chip->stuck_bit ? value | 4 : value);
+}
+
 static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
     int16_t now[EMUL_WORDS];
     const bool gyro = chip->reg[CTRL2_G] >> 4 != 0;
@@ -198,8 +208,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
             continue;
         }
         if (i >= 1 && i <= 3) {
-            value = now_us < chip->settled_us ? 0 : emul_counts(value * (chip->world_full_scale_dps / full_scale_dps(chip)));
-            value = (int16_t)(chip->stuck_bit ? value | 4 : value);
+            value = rate(chip, now_us, value);
         } else if (i >= 4) {
             value = emul_counts(value * (2.0 / full_scale_g(chip)));
         } else if (chip->id == ID_DS3) {

@@ -41,6 +41,7 @@ static const struct {
     [FAULT_BUFFER_FULL] = {"buffer_full", "the output takes nothing for 0.5 s", 0.5},
     [FAULT_CLOCK_JUMP] = {"clock_jump", "the board's clock jumps ahead by 0.5 s", 0.5},
     [FAULT_POWER_LOSS] = {"power_loss", "the power goes while the board writes its flash, and comes back", 0.0},
+    [FAULT_STUCK_MASS] = {"stuck_mass", "the sensor's self-test moves nothing", INFINITY},
 };
 
 static const char *parse_number(const char **text, double least, double most, double *value) {

@@ -35,6 +35,7 @@ typedef enum {
     FAULT_BUFFER_FULL,
     FAULT_CLOCK_JUMP,
     FAULT_POWER_LOSS,
+    FAULT_STUCK_MASS,
     FAULT_KINDS
 } fault_kind_t;
 

@@ -27,6 +27,8 @@
 #define BUS_BIT_NS 2500u /* 400 kHz */
 #define FLASH_US 5000u   /* duration of a write */
 #define FASTEST_SINGLE_HZ 833.0f
+#define BENCH_NOISE_DPS 0.045
+#define BENCH_NOISE_ACC 20.0 /* counts */
 
 typedef struct {
     options_t options;
@@ -48,6 +50,7 @@ typedef struct {
     jmp_buf power_lost;
     uint32_t run;          /* the one that is replayed */
     bool replaying, is_off;
+    uint32_t dice; /* for the noise on a bench */
 
     uint64_t paced_us; /* virtual time and */
     double wall_s;     /* real time that belong together */
@@ -99,7 +102,8 @@ static void misbehave(sim_t *sim) {
     double length_s = 0.0;
     const emul_faults_t faults = {.nack = is_on(sim, FAULT_NACK), .wrong_id = is_on(sim, FAULT_WRONG_ID),
                                   .stale = is_on(sim, FAULT_STALE), .stuck_bit = is_on(sim, FAULT_STUCK_BIT),
-                                  .stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT), .bad_tags = is_on(sim, FAULT_BAD_TAGS)};
+                                  .stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT), .bad_tags = is_on(sim, FAULT_BAD_TAGS),
+                                  .stuck_mass = is_on(sim, FAULT_STUCK_MASS)};
     emul_set_faults(&sim->part, &faults);
     if (begins(sim, FAULT_BROWNOUT, &length_s)) {
         emul_brown_out(&sim->part);
@@ -119,6 +123,27 @@ static void feed(sim_t *sim, uint64_t t_us, const int16_t row[EMUL_WORDS]) {
     memcpy(world, row, sizeof world);
     faults_change_reading(&sim->options.faults, fault_s(sim), sim->rows.runs[sim->run].axis, world);
     emul_feed(&sim->part, t_us, world);
+}
+
+/* About a standard normal deviate. */
+static double noise(sim_t *sim) {
+    double sum = -6.0;
+    for (int i = 0; i < 12; i++) {
+        sim->dice = sim->dice * 1664525u + 1013904223u;
+        sum += (double)sim->dice / 4294967296.0;
+    }
+    return sum;
+}
+
+/* On a bench, at rest with the axis z up. */
+static void lie_still(sim_t *sim) {
+    const double counts = BENCH_NOISE_DPS / ((double)sim->rows.full_scale_dps * EMUL_WORLD_DPS_OF_SCALE);
+    int16_t world[EMUL_WORDS] = {0, 0, 0, 0, 0, 0, 0};
+    for (int i = 1; i < EMUL_WORDS; i++) {
+        world[i] = emul_counts((i == 6 ? 1.0 / EMUL_WORLD_G : 0.0) + (i < 4 ? counts : BENCH_NOISE_ACC) * noise(sim));
+    }
+    faults_change_reading(&sim->options.faults, fault_s(sim), 2, world);
+    emul_set_world(&sim->part, world);
 }
 
 static bool in_run(const sim_t *sim) {
@@ -147,6 +172,9 @@ static void move_to(sim_t *sim, uint64_t t_us) {
         pace(sim, sim->options.speed);
     }
     misbehave(sim);
+    if (sim->options.bench) {
+        lie_still(sim);
+    }
     feed_fifo(sim);
     emul_advance(&sim->part, sim->now_us);
 }
@@ -207,8 +235,8 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
     int taken = -1;
     if (is_on(sim, FAULT_STUCK_BUS)) {
         taken = (int)n;
-    } else if (address == sim->part.kind->address) {
-        taken = emul_write(&sim->part, sim->now_us, reg, data, n);
+    } else {
+        taken = emul_write(&sim->part, sim->now_us, address, reg, data, n);
     }
     spend_bus_time(sim, n + 2u);
     return taken;
@@ -216,7 +244,7 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     sim_t *sim = context;
-    int given = address == sim->part.kind->address ? emul_read(&sim->part, sim->now_us, reg, data, n) : -1;
+    int given = emul_read(&sim->part, sim->now_us, address, reg, data, n);
     if (is_on(sim, FAULT_STUCK_BUS)) {
         memset(data, 0, n);
         given = (int)n;
@@ -292,6 +320,11 @@ static int load(void *context, const char *key, void *data, size_t n) {
     return flash_read(&((sim_t *)context)->flash, key, data, n);
 }
 
+static const uint8_t *part_file(void *context, const char *part, size_t *n) {
+    (void)context;
+    return emul_part_file(part, n);
+}
+
 static void hear(sim_t *sim) {
     char data[256];
     struct pollfd in = {STDIN_FILENO, POLLIN, 0};
@@ -342,6 +375,9 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
     sim->device.teller.seq = sim->options.seq > 0u ? sim->options.seq : sim->device.teller.seq;
+    if (sim->options.bench) {
+        return; /* the settings are those of its flash */
+    }
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
     /* The device refuses this before the FIFO is in use. */
     const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;
@@ -438,6 +474,21 @@ static void replay_all(sim_t *sim, const gc_device_config_t *config) {
     }
 }
 
+static void restart(void *context) {
+    longjmp(((sim_t *)context)->power_lost, 1);
+}
+
+/* A board that nobody turns. `reboot` starts it again, and so does the fault of its power. */
+static void lie_on_bench(sim_t *sim, const gc_device_config_t *config) {
+    sim->begun = true;
+    (void)setjmp(sim->power_lost);
+    power_on(sim, config, &sim->rows.runs[0]);
+    while (sim->stdin_open) {
+        hear(sim);
+        gc_device_step(&sim->device);
+    }
+}
+
 static int stdout_flags;
 
 static void restore_stdout(void) {
@@ -478,8 +529,10 @@ int main(int argc, char **argv) {
         .wait_sample_us = wait_sample_us,
         .send = send,
         /* Otherwise each power cycle begins with empty flash. */
-        .store = faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
+        .store = options->bench || faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
         .load = load,
+        .part_file = part_file,
+        .restart = options->bench ? restart : NULL,
     };
     const gc_device_config_t config = {
         .port = &port,
@@ -488,7 +541,7 @@ int main(int argc, char **argv) {
         .calibration = &gc_calibration,
         .net = &gc_net,
     };
-    replay_all(&sim, &config);
+    (options->bench ? lie_on_bench : replay_all)(&sim, &config);
     if (sim.missed > 0) {
         fprintf(stderr, "gyrocal-sim: %lu rows were not read: the sensor was being set up or the board was busy\n", sim.missed);
     }

@@ -79,6 +79,8 @@ const char *options_parse(options_t *options, int argc, char **argv) {
         const char *wrong = NULL;
         if (strcmp(argv[i], "--hold") == 0) {
             options->hold = true;
+        } else if (strcmp(argv[i], "--bench") == 0) {
+            options->bench = true;
         } else if (argv[i][0] == '-') {
             const char *name = argv[i];
             wrong = parse_option(options, name, ++i < argc ? argv[i] : "");

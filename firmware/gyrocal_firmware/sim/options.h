@@ -9,7 +9,7 @@
 #include <stdbool.h>
 
 #define OPTIONS_USAGE                                                                                                    \
-    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] [--idle S] "               \
+    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] [--bench] [--idle S] "               \
     "[--clock US] [--seq N] [--sensor NAME|list] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
@@ -23,6 +23,7 @@ typedef struct {
     uint64_t clock_us; /* of the board's clock at each power-on */
     uint32_t seq;      /* of the sentence after the first $HEL of each power cycle; 0 = 1, as on a board */
     bool stream, hold;
+    bool bench; /* nothing is replayed: at rest, with the noise of a sensor and flash, it answers commands */
     bool list_faults, list_sensors; /* do nothing else */
     faults_t faults;
 } options_t;

@@ -14,6 +14,7 @@
 #define COMMAND_BYTES 512
 #define SHORT_US 80u     /* waits shorter than this do not use a timer */
 #define WAKE_EARLY_US 40u
+#define RESTART_MS 100   /* until what was said is on the wire */
 #define LATE_TICKS pdMS_TO_TICKS(20)
 
 Sensor *Sensor::first_ = nullptr;
@@ -57,6 +58,14 @@ struct Port {
         *heap_bytes = esp_get_minimum_free_heap_size();
         *stack_bytes = uxTaskGetStackHighWaterMark(nullptr); /* this FreeRTOS counts bytes */
     }
+    static void restart(void *) {
+        delay(RESTART_MS);
+        ESP.restart();
+    }
+    static const uint8_t *part_file(void *, const char *, size_t *n) {
+        *n = gyrocal_part_file_bytes;
+        return gyrocal_part_file;
+    }
     static void led(void *context, gc_led_t state) { status_led_set(of(context).imu_, state); }
     static void alarm(void *context) { xTaskNotifyGive(of(context).task_); }
 };
@@ -77,6 +86,8 @@ Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
     port_.load = Port::load;
     port_.may_store = Port::may_store;
     port_.least_free = Port::least_free;
+    port_.restart = Port::restart;
+    port_.part_file = Port::part_file;
     port_.led = Port::led;
     config_.port = &port_;
     config_.parts = PARTS;

@@ -36,6 +36,9 @@ def run(
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Keep answering commands when all is replayed.")] = False,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Replay nothing: a board at rest, with noise and flash, that answers commands.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """A simulated device: the firmware's own C core behind a virtual serial port.
@@ -65,7 +68,7 @@ def run(
     _end_by_signals()
     wanted = _wanted(fault, faults, fifo)
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold
+        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold, bench=bench
     )
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)

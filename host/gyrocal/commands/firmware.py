@@ -15,6 +15,10 @@ def run(
     include: Annotated[
         Path | None, typer.Option(help="Folder of calibration.h and weights.h, as `gyrocal export` writes them.")
     ] = None,
+    part_file: Annotated[
+        Path | None,
+        typer.Option(help="The configuration file that a BMI270 needs: Bosch's bmi270.c, or its bytes (docs/board.md)."),
+    ] = None,
     library: Annotated[
         bool, typer.Option("--library", help="Write a library for Arduino, PlatformIO, ESP-IDF or CMake in place of a project.")
     ] = False,
@@ -32,13 +36,13 @@ def run(
     if axis not in ("x", "y", "z"):
         raise InputError(f"--axis {axis}: want x, y or z")
     if library:
-        create_library(directory, model, include, axis)
+        create_library(directory, model, include, axis, part_file)
         if as_json:
             emit({"folder": str(directory), "kind": "library"})
             return
         typer.echo(f"{directory}: put it where your Arduino, PlatformIO or ESP-IDF project keeps its libraries; see examples/")
         return
-    create(directory, model, include, axis)
+    create(directory, model, include, axis, part_file)
     if as_json:
         emit({"folder": str(directory), "kind": "project"})
         return

@@ -11,6 +11,9 @@ def run(
         float | None, typer.Option(min=0.0, help="Stop after so long; else when the device ends.")
     ] = None,
     reconnect: Annotated[bool, typer.Option("--reconnect", help="Wait for a device that went away.")] = False,
+    self_test: Annotated[
+        bool, typer.Option("--self-test", help="Begin with the sensor's own test of its gyroscope, at rest.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object for each event, one a line.")] = False,
 ) -> None:
     """Watch a device live: state, samples, results with their standard errors, what was lost.
@@ -26,7 +29,7 @@ def run(
     from gyrocal.device.port import Link
 
     with Link(port, reconnect=reconnect) as link, contextlib.suppress(KeyboardInterrupt):
-        monitor = Monitor(link)
+        monitor = Monitor(link, self_test=self_test)
         if as_json:
 
             def say(events: list[dict[str, Any]]) -> None:

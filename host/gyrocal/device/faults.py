@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from gyrocal.errors import InputError, did_you_mean
 
-LASTING = ("wrong_id", "stuck_bit", "reset_timeout", "table_off", "reversed_mount")
+LASTING = ("wrong_id", "stuck_bit", "reset_timeout", "table_off", "reversed_mount", "stuck_mass")
 """Faults that last from power-on unless specified otherwise; random ones do not include them."""
 OF_FIFO = "bad_tags"
 MOST_RANDOM = 6

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 ERRORS = 4
 """So many different errors are kept."""
-EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": "ack", "ERR": "error"}
+EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "TST": "selftest", "ACK": "ack", "ERR": "error"}
 SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 RATE_OVER_S = 2.0
 BLOCKS_A_SECOND = 8.0
@@ -61,6 +61,8 @@ class Sensor:
     hello: dict[str, str] = field(default_factory=dict)
     samples: int = 0
     latest: Event | None = None
+    self_test: Event | None = None
+    """What the sensor's own test found last."""
     results: dict[tuple[Any, ...], Event] = field(default_factory=dict)
     earlier: set[tuple[Any, ...]] = field(default_factory=set)
     """The results that came before the device started again."""
@@ -119,8 +121,9 @@ class Monitor:
     ``sensors`` holds the sensors of the board that have sent a sentence, by number.
     """
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Link, *, self_test: bool = False) -> None:
         self.link = link
+        self.self_test = self_test
         self.sensors: dict[int, Sensor] = {}
         self.ended = ""
         """Why it ended; empty while it listens."""
@@ -130,7 +133,7 @@ class Monitor:
         """Listen until the device ends or ``seconds`` have passed.
 
         ``heard`` is called at least about twenty times a second with the events since the last call. An event is a dictionary
-        with ``event`` (hello, sample, run, result, state, ack, error), ``t_us`` and ``imu``. The last event is ``end``.
+        with ``event`` (hello, sample, run, result, state, selftest, ack, error), ``t_us`` and ``imu``. The last one is ``end``.
 
         Raises:
             DeviceError: no device answers at the port, or a sentence is of another version of the protocol.
@@ -170,6 +173,8 @@ class Monitor:
         self._tell("status")
 
     def _ask(self) -> None:
+        if self.self_test:
+            self.link.send("selftest")
         self.link.send("stream raw")
         self.link.send("status")
 
@@ -236,6 +241,8 @@ class Monitor:
                 sensor.latest = None  # the last run's sample says nothing of the length of this one
             if sensor.state == "idle":
                 self._tell("status")  # the device may be waiting for a flip, or be done
+        elif kind == "selftest":
+            sensor.self_test = values
         elif kind == "result":
             which = values.get("axis"), values.get("method"), values.get("seconds")
             sensor.results[which] = values
@@ -278,7 +285,24 @@ class Monitor:
             f"  {hello.get('sensor', '?')}, firmware {hello.get('fw', '?')}, {hello.get('rate_hz', '?')} Hz, "
             f"+-{hello.get('full_scale_dps', '?')} dps, {sensor.samples} samples, {sensor.rate_hz():.0f} a second",
         )
-        return [state, _sample_line(sensor), _result_table(sensor)]
+        tested = [] if sensor.self_test is None else [_self_test_line(sensor.self_test)]
+        return [state, *tested, _sample_line(sensor), _result_table(sensor)]
+
+
+def self_test_words(found: Event) -> str:
+    """What the sensor's own test found, in words."""
+    sizes = [found.get(f"{axis}_dps") for axis in "xyz"]
+    if any(not isinstance(size, int | float) for size in sizes):
+        return "passed" if found.get("passed") == 1 else "failed"
+    moved = ", ".join(f"{axis} {size:.0f}" for axis, size in zip("xyz", sizes, strict=True))
+    limits = f"the maker wants {found.get('least_dps'):g} to {found.get('most_dps'):g}"
+    return f"{'passed' if found.get('passed') == 1 else 'failed'}: it moved {moved} dps, {limits}"
+
+
+def _self_test_line(found: Event) -> RenderableType:
+    from rich.text import Text
+
+    return Text(f"self-test {self_test_words(found)}", style="dim" if found.get("passed") == 1 else "bold red")
 
 
 def _unit(sensor: Sensor, *names: str) -> np.ndarray[Any, Any]:

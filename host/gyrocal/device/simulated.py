@@ -56,6 +56,7 @@ class SimulatedDevice:
         include_dir: the folder of calibration.h and weights.h, if not the shipped ones.
         tcp: ``HOST:PORT`` for a TCP port instead of a pseudo terminal.
         hold: True to keep the device running after the last row, so that it answers commands.
+        bench: True to replay nothing: the device lies still, with noise and flash, and answers commands.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class SimulatedDevice:
         tcp: str | None = None,
         symlink: Path | None = None,
         hold: bool = False,
+        bench: bool = False,
     ) -> None:
         self._stack = contextlib.ExitStack()
         self._stopped = threading.Event()
@@ -81,7 +83,7 @@ class SimulatedDevice:
             self._commands = [
                 sim_command(
                     stack.enter_context(rows_file(one)), imu=imu, speed=text, stream=stream, faults=faults, fifo=fifo,
-                    part=part, hold=hold, include_dir=include_dir,
+                    part=part, hold=hold, bench=bench, include_dir=include_dir,
                 )
                 for imu, one in enumerate(sensors)
             ]  # fmt: skip

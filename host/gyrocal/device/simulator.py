@@ -18,7 +18,7 @@ from gyrocal.errors import DeviceError, InputError
 WAIT_S = 0.02
 CARRY = 4096
 DEFAULT_PART = "LSM6DSO"
-WITH_FIFO = ("LSM6DSO", "LSM6DSR")
+WITH_FIFO = ("LSM6DSO", "LSM6DSR", "LSM6DSV", "BMI")
 """How the names of sensors begin whose FIFO the firmware uses."""
 
 
@@ -32,12 +32,14 @@ def sim_command(
     fifo: int = 0,
     part: str = DEFAULT_PART,
     hold: bool = False,
+    bench: bool = False,
     include_dir: Path | None = None,
 ) -> list[str]:
     """The command line of the simulator, which is compiled if necessary.
 
     ``imu`` is the sensor's number on its board, ``part`` its kind. ``fifo`` is the number of samples that the device takes
-    from the sensor's FIFO at once, or 0. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
+    from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with noise and flash, and
+    answers commands. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
     """
     from gyrocal.core import library
 
@@ -49,7 +51,7 @@ def sim_command(
         command += ["--sensor", part]
     for fault in faults:
         command += ["--fault", fault]
-    return [*command, "--hold"] if hold else command
+    return [*command, *["--hold"] * hold, *["--bench"] * bench]
 
 
 def part_names() -> list[str]:
@@ -73,6 +75,7 @@ class Simulator:
 
     def __init__(self, command: Sequence[str], *, short: bool) -> None:
         self.ended = False
+        self.command = command
         self._rest = b""
         self.fd, to_host = _pipe(short=short)
         pipe = subprocess.PIPE
@@ -161,12 +164,13 @@ def serve(
 def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, stopped: Callable[[], bool]) -> None:
     pending = b""
     was_there = False
+    replays = not any("--bench" in sim.command for sim in sims)
     going = list(sims)
     for sim in sims:
         sim.write(b"hello\n")  # its first hello comes before its settings
     while (going or pending) and not stopped():
         there = outlet.connected()
-        if there and not was_there:
+        if there and not was_there and replays:
             pending = f"# {REPLAY_NOTE}\n".encode() + pending
         elif not there and not wait_for_reader:
             pending = b""

@@ -19,7 +19,6 @@ extern "C" {
 
 static emul_t chip[CHIPS];
 static bool present[CHIPS], holds[CHIPS];
-static unsigned at[CHIPS]; /* addresses */
 static int16_t world[CHIPS][EMUL_WORDS];
 static struct {
     int sda, scl;
@@ -102,7 +101,7 @@ static int chip_at(const TwoWire *wire, uint8_t address) {
     const int bus = bus_of(wire);
     const bool connected = transfer[bus].sda == wired[bus].sda && transfer[bus].scl == wired[bus].scl;
     for (int i = 2 * bus; i < 2 * bus + 2 && connected; i++) {
-        if (present[i] && address == at[i]) {
+        if (present[i] && emul_is_at(&chip[i], address)) {
             return i;
         }
     }
@@ -182,7 +181,7 @@ static uint8_t write_to(const TwoWire *wire) {
     }
     advance(i, now_us);
     const bool empty = t.sent.empty();
-    const int got = emul_write(&chip[i], now_us, empty ? 0 : t.sent[0], t.sent.data() + 1, empty ? 0 : t.sent.size() - 1);
+    const int got = emul_write(&chip[i], now_us, t.address, empty ? 0 : t.sent[0], t.sent.data() + 1, empty ? 0 : t.sent.size() - 1);
     return got < 0 ? 2 : 0;
 }
 
@@ -209,7 +208,7 @@ static void read_from(const TwoWire *wire, uint8_t address, size_t n) {
     const int i = chip_at(wire, address);
     if (i >= 0) {
         advance(i, now_us);
-        const int got = emul_read(&chip[i], now_us, t.sent[0], data, n);
+        const int got = emul_read(&chip[i], now_us, address, t.sent[0], data, n);
         t.got.insert(t.got.end(), data, data + (got > 0 ? got : 0));
     }
 }
@@ -277,7 +276,7 @@ void power_on(unsigned i, const std::string &name, unsigned address) {
     chip[i].kind = name.empty() ? &emul_kinds[0] : emul_kind(name.c_str());
     present[i] = chip[i].kind != nullptr;
     const unsigned usual = chip[i].kind->address;
-    at[i] = address != 0 ? address : i % 2 == 0 ? usual : usual == 0x6B ? 0x6A : 0x69;
+    chip[i].address = static_cast<uint8_t>(address != 0 ? address : i % 2 == 0 ? usual : usual == 0x6B ? 0x6A : 0x69);
     emul_power_on(&chip[i], 1.0, now_us, 250.0);
 }
 

@@ -68,6 +68,34 @@ static int do_stop(gc_device_t *d, const gc_words_t *words) {
     return GC_OK;
 }
 
+static int do_selftest(gc_device_t *d, const gc_words_t *words) {
+    (void)words;
+    if (d->state == GC_STATE_RECORDING) {
+        return GC_E_RECORDING;
+    }
+    if (!d->sampler.ready) {
+        return GC_E_NOT_READY;
+    }
+    if (d->sampler.part->self_test == NULL) {
+        return GC_E_NO_SELF_TEST;
+    }
+    gc_tell_ack(&d->teller, "selftest", NULL, NULL);
+    return gc_device_self_test(d);
+}
+
+static int do_reboot(gc_device_t *d, const gc_words_t *words) {
+    (void)words;
+    if (d->config.port->restart == NULL) {
+        return GC_E_COMMAND;
+    }
+    if (d->state == GC_STATE_RECORDING) {
+        return GC_E_RECORDING;
+    }
+    gc_tell_ack(&d->teller, "reboot", NULL, NULL);
+    d->config.port->restart(d->config.port->context);
+    return GC_OK;
+}
+
 static int do_stream(gc_device_t *d, const gc_words_t *words) {
     static const char *const names[] = {"off", "raw", "teleplot", "corrected"};
     for (unsigned i = 0; i < sizeof names / sizeof names[0]; i++) {
@@ -185,7 +213,7 @@ static const struct {
 } commands[] = {
     {"hello", do_hello}, {"status", do_status}, {"start", do_start}, {"auto", do_auto}, {"stop", do_stop},
     {"stream", do_stream}, {"set", do_set}, {"get", do_get}, {"reset", do_reset}, {"dump", do_dump},
-    {"undo", do_undo},
+    {"undo", do_undo}, {"selftest", do_selftest}, {"reboot", do_reboot},
 };
 
 /* Returns GC_E_ARGUMENT for more words than any command has. */

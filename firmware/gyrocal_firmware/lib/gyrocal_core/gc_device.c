@@ -41,6 +41,7 @@ void gc_device_hello(gc_device_t *d) {
     gc_sentence_real(s, "lsb_g", part->lsb_g);
     gc_sentence_real(s, "lsb_c", part->lsb_c);
     gc_sentence_real(s, "zero_c", part->zero_c);
+    gc_sentence_real(s, "noise_dps", part->noise_dps);
     gc_settings_field(s, settings, GC_SETTING_AXIS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TABLE_DPS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TURN_DEG, d->config.parts);
@@ -364,6 +365,24 @@ void gc_device_begin_anew(gc_device_t *d) {
         forget_runs(d);
         gc_device_hello(d);
     }
+}
+
+int gc_device_self_test(gc_device_t *d) {
+    gc_self_test_t result;
+    const int error = gc_sensor_self_test(&d->sampler.sensor, &result);
+    if (error == GC_OK) {
+        static const char *const names[] = {"x_dps", "y_dps", "z_dps"};
+        gc_sentence_t *s = gc_tell_begin(&d->teller, "TST");
+        gc_sentence_uint(s, "passed", result.passed ? 1u : 0u);
+        for (unsigned i = 0; i < 3u; i++) {
+            gc_sentence_real(s, names[i], result.change_dps[i]);
+        }
+        gc_sentence_real(s, "least_dps", result.least_dps);
+        gc_sentence_real(s, "most_dps", result.most_dps);
+        gc_tell_end(&d->teller);
+    }
+    gc_sampler_begin_anew(&d->sampler);
+    return error;
 }
 
 /* ---- the loop ---- */

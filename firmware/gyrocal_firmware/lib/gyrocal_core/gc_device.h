@@ -90,6 +90,8 @@ void gc_device_empty_fifo(gc_device_t *device);
 void gc_device_start(gc_device_t *device, int face, bool automatic);
 void gc_device_stop(gc_device_t *device);
 void gc_device_forget(gc_device_t *device);
+/* Runs the part's own test, tells its result and sets the part up again. */
+int gc_device_self_test(gc_device_t *device);
 /* Save to flash, at once or after the runs that go on: flash is written between runs only. */
 void gc_device_save_settings(gc_device_t *device);
 void gc_device_save_results(gc_device_t *device);

@@ -22,14 +22,17 @@ extern "C" {
     X(GC_E_FIFO_OVERRUN, -12, "fifo_overrun", "the FIFO was full and samples are lost: lower rate_hz or fifo")                \
     X(GC_E_FIFO_TAG, -13, "fifo_tag", "the FIFO's words came damaged: shorten the cable or slow the bus")                \
     X(GC_E_REPEATED, -14, "repeated", "readings came more than once: lower rate_hz or power the sensor off and on")      \
+    X(GC_E_PART_FILE, -15, "part_file", "this sensor needs its maker's configuration file: see Sensors in docs/board.md")       \
+    X(GC_E_PART_FILE_REFUSED, -16, "part_file_refused", "the sensor did not take its configuration file: check file and cable") \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
     X(GC_E_RECORDING, -23, "recording", "a run is going on: send stop first")                                            \
     X(GC_E_NO_RUN, -24, "no_run", "no run is going on: send start first")                                                \
     X(GC_E_STORE, -25, "store_failed", "it holds until power-off: the board could not keep it")                 \
-    X(GC_E_FIFO_RATE, -26, "fifo_rate", "the FIFO keeps the sensor's own time: set rate_hz 104 or 208 or 416; or fifo 0")    \
-    X(GC_E_FIFO_NEEDED, -27, "fifo_needed", "too fast for single samples: set rate_hz 833 and fifo 16 and then this rate")   \
+    X(GC_E_FIFO_RATE, -26, "fifo_rate", "the FIFO keeps the sensor's own time: set one of its rates as rate_hz; or fifo 0")    \
+    X(GC_E_FIFO_NEEDED, -27, "fifo_needed", "too fast for single samples: set a slower rate_hz and fifo 16 and then this")   \
+    X(GC_E_NO_SELF_TEST, -28, "no_self_test", "this sensor has no self-test that the firmware knows: nothing to do")            \
     X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps and face and axis")       \
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \

@@ -8,20 +8,16 @@ static const gc_odr_t odrs[] = {{12.5, 11}, {25.0, 10}, {50.0, 9}, {100.0, 8}, {
 static const gc_range_t ranges[] = {
     {125.0, 1.0 / 262.0, 0x80}, {250.0, 1.0 / 131.0, 0x60}, {500.0, 1.0 / 65.5, 0x40}, {1000.0, 1.0 / 32.8, 0x20}, {2000.0, 1.0 / 16.4, 0x00}};
 
-static int16_t word(const uint8_t *data) {
-    return (int16_t)((data[0] & 0x80u ? -0x8000 : 0) + ((data[0] & 0x7F) << 8 | data[1]));
-}
-
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[14];
     const int error = gc_sensor_read_regs(imu, GC_ICM42688_TEMP_DATA1, data, sizeof data);
     if (error != GC_OK) {
         return error;
     }
-    sample->temp = word(data);
+    sample->temp = gc_sensor_word(data[0], data[1]);
     for (size_t i = 0; i < 3u; i++) {
-        sample->acc[i] = word(data + 2u + 2u * i);
-        sample->gyro[i] = word(data + 8u + 2u * i);
+        sample->acc[i] = gc_sensor_word(data[2u + 2u * i], data[2u + 2u * i + 1u]);
+        sample->gyro[i] = gc_sensor_word(data[8u + 2u * i], data[8u + 2u * i + 1u]);
     }
     imu->data_wait = false;
     return GC_OK;
@@ -37,10 +33,6 @@ static int identify(gc_sensor_t *imu) {
     return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
 }
 
-static void wait_us(const gc_sensor_t *imu, uint64_t us) {
-    imu->port->wait_until_us(imu->port->context, imu->port->now_us(imu->port->context) + us);
-}
-
 static int reset(gc_sensor_t *imu) {
     int error = gc_sensor_write_reg(imu, GC_ICM42688_DEVICE_CONFIG, GC_ICM42688_SOFT_RESET);
     const uint64_t start = imu->port->now_us(imu->port->context);
@@ -49,7 +41,7 @@ static int reset(gc_sensor_t *imu) {
         if (imu->port->now_us(imu->port->context) - start > GC_ICM42688_RESET_TIMEOUT_US) {
             return GC_E_RESET_TIMEOUT;
         }
-        wait_us(imu, GC_ICM42688_RESET_US);
+        gc_sensor_wait_us(imu, GC_ICM42688_RESET_US);
         error = gc_sensor_read_regs(imu, GC_ICM42688_INT_STATUS, &status, 1);
     }
     return error;
@@ -68,17 +60,14 @@ static int configure(gc_sensor_t *imu) {
         {GC_ICM42688_PWR_MGMT0 + 2, imu->written[2]},
         {GC_ICM42688_PWR_MGMT0, imu->written[0]},
     };
-    int error = GC_OK;
-    for (size_t i = 0; i < sizeof steps / sizeof steps[0] && error == GC_OK; i++) {
-        error = gc_sensor_write_reg(imu, steps[i][0], steps[i][1]);
-    }
+    const int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
     return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
 }
 
 static int set_up(gc_sensor_t *imu) {
     gc_sample_t first;
     imu->period_us = 1e6 / imu->odr_hz;
-    wait_us(imu, GC_ICM42688_BOOT_US);
+    gc_sensor_wait_us(imu, GC_ICM42688_BOOT_US);
     int error = identify(imu);
     if (error == GC_OK) {
         error = reset(imu);
@@ -87,7 +76,7 @@ static int set_up(gc_sensor_t *imu) {
         error = configure(imu);
     }
     if (error == GC_OK) {
-        wait_us(imu, GC_ICM42688_TURN_ON_US);
+        gc_sensor_wait_us(imu, GC_ICM42688_TURN_ON_US);
         error = burst(imu, &first);
     }
     return error;

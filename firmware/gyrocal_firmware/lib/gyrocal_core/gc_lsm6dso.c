@@ -1,10 +1,13 @@
 #include "gc_lsm6dso.h"
 
 #include "gc_error.h"
+#include "gc_tagged_fifo.h"
 
-#include <string.h>
-
-#define BURST_WORDS 16u /* of the FIFO: boards' I2C buffers hold 128 bytes */
+#define TEST_208_HZ_2000_DPS 0x5Cu
+#define TEST_LSB_DPS 0.070
+#define TEST_LEAST_DPS 150.0
+#define TEST_MOST_DPS 700.0
+#define TEST_SAMPLES 5u
 #define CTRL_REGS 3u /* CTRL1_XL, CTRL2_G, CTRL3_C: the watched ones */
 
 static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}};
@@ -16,13 +19,9 @@ static const gc_range_t dsr_ranges[] = {
     {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C}, {4000.0, 0.140, 0x01},
 };
 
-static int16_t word(const uint8_t *data) {
-    return (int16_t)((data[1] & 0x80u ? -0x8000 : 0) + ((data[1] & 0x7F) << 8 | data[0]));
-}
-
 static void three_words(const uint8_t *data, int16_t out[3]) {
     for (size_t i = 0; i < 3u; i++) {
-        out[i] = word(data + 2u * i);
+        out[i] = gc_sensor_word(data[2u * i + 1u], data[2u * i]);
     }
 }
 
@@ -32,7 +31,7 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     if (error != GC_OK) {
         return error;
     }
-    sample->temp = word(data);
+    sample->temp = gc_sensor_word(data[1], data[0]);
     three_words(data + 2, sample->gyro);
     three_words(data + 8, sample->acc);
     return GC_OK;
@@ -141,112 +140,43 @@ static int ready(gc_sensor_t *imu) {
 
 /* ---- FIFO ---- */
 
-static double temp_hz(const gc_sensor_t *imu) {
-    return imu->odr_hz < 52.0 ? 12.5 : 52.0;
-}
-
-/* Bypass empties it. */
-static int fifo_restart(gc_sensor_t *imu) {
-    const unsigned words = 2u * imu->batch;
-    const uint8_t odr_code = (uint8_t)(imu->written[1] >> 4);
-    const unsigned temp_code = temp_hz(imu) < 52.0 ? 2u : 3u;
-    const uint8_t ctrl[] = {(uint8_t)(words & 0xFFu), (uint8_t)(words >> 8), (uint8_t)(odr_code << 4 | odr_code),
-                            (uint8_t)(temp_code << 4 | GC_LSM6DSO_FIFO_CONTINUOUS)};
-    uint8_t kept[sizeof ctrl];
-    int error = gc_sensor_write_reg(imu, GC_LSM6DSO_FIFO_CTRL1 + 3, 0);
-    for (unsigned i = 0; i < sizeof ctrl && error == GC_OK; i++) {
-        error = gc_sensor_write_reg(imu, (uint8_t)(GC_LSM6DSO_FIFO_CTRL1 + i), ctrl[i]);
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_FIFO_CTRL1, kept, sizeof kept);
-    }
-    if (error == GC_OK && memcmp(ctrl, kept, sizeof ctrl) != 0) {
-        error = GC_E_CONFIG_REFUSED;
-    }
-    imu->fifo_broken = error != GC_OK;
-    imu->partial_has = 0;
-    imu->partial_slot = 0;
-    imu->fresh_us = imu->port->now_us(imu->port->context);
-    return error;
-}
+static const gc_tagged_fifo_t fifo = {.status_reg = GC_LSM6DSO_FIFO_STATUS1, .level_bits = 2, .has_parity = true,
+                                      .slow_temp_hz = 12.5, .temp_hz = 52.0};
 
 static int fifo_begin(gc_sensor_t *imu) {
     const int error = route_int1(imu, GC_LSM6DSO_INT1_FIFO_TH);
-    return error == GC_OK ? fifo_restart(imu) : error;
-}
-
-static bool even_parity(uint8_t tag) {
-    unsigned ones = 0;
-    for (; tag != 0u; tag = (uint8_t)(tag >> 1)) {
-        ones += tag & 1u;
-    }
-    return ones % 2u == 0u;
-}
-
-/* A sample is whole when gyroscope and accelerometer of one time slot are there, in whatever order. */
-static int take_word(gc_sensor_t *imu, const uint8_t *data, gc_batch_t *batch) {
-    const unsigned tag = data[0] >> 3;
-    const uint8_t slot = (uint8_t)(data[0] >> 1 & 3);
-    if (!even_parity(data[0]) || tag < GC_LSM6DSO_TAG_GYRO || tag > GC_LSM6DSO_TAG_TEMP) {
-        return GC_E_FIFO_TAG;
-    }
-    if (tag == GC_LSM6DSO_TAG_TEMP) {
-        imu->partial.temp = word(data + 1);
-        return GC_OK;
-    }
-    if (slot != imu->partial_slot) {
-        imu->partial_has = 0; /* its other half was overwritten */
-    }
-    imu->partial_slot = slot;
-    imu->partial_has = (uint8_t)(imu->partial_has | tag);
-    three_words(data + 1, tag == GC_LSM6DSO_TAG_GYRO ? imu->partial.gyro : imu->partial.acc);
-    if (imu->partial_has == (GC_LSM6DSO_TAG_GYRO | GC_LSM6DSO_TAG_ACC)) {
-        imu->partial_has = 0;
-        imu->partial.fresh = true;
-        batch->sample[batch->n++] = imu->partial;
-    }
-    return GC_OK;
-}
-
-static int take_words(gc_sensor_t *imu, unsigned words, gc_batch_t *batch) {
-    uint8_t data[BURST_WORDS * GC_LSM6DSO_FIFO_WORD_BYTES];
-    int error = GC_OK;
-    while (error == GC_OK && words > 0u && batch->n + BURST_WORDS / 2u < GC_BATCH_MAX) {
-        const unsigned n = words < BURST_WORDS ? words : BURST_WORDS;
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_FIFO_DATA_OUT_TAG, data, n * GC_LSM6DSO_FIFO_WORD_BYTES);
-        for (unsigned i = 0; i < n && error == GC_OK; i++) {
-            error = take_word(imu, data + i * GC_LSM6DSO_FIFO_WORD_BYTES, batch);
-        }
-        words -= n;
-    }
-    imu->fifo_broken = error != GC_OK; /* the start of the next word is unknown */
-    batch->left = (unsigned)((double)words / (2.0 + temp_hz(imu) / imu->odr_hz));
-    return error;
+    return error == GC_OK ? gc_tagged_fifo_restart(&fifo, imu) : error;
 }
 
 static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
-    uint8_t status[2] = {0, 0};
-    batch->gap = imu->fifo_broken;
-    int error = imu->fifo_broken ? fifo_restart(imu) : GC_OK;
-    batch->t_us = imu->port->now_us(imu->port->context);
+    return gc_tagged_fifo_read(&fifo, imu, batch);
+}
+
+/* ---- self-test ---- */
+
+static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
+    double before[3], moved[3];
+    int error = route_int1(imu, 0);
     if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_FIFO_STATUS1, status, sizeof status);
+        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL2_G, TEST_208_HZ_2000_DPS);
     }
-    if (error != GC_OK) {
-        return error;
+    gc_sensor_wait_us(imu, GC_LSM6DSO_TEST_US);
+    if (error == GC_OK) {
+        error = gc_sensor_mean(imu, TEST_SAMPLES, before);
     }
-    batch->until_us = imu->port->now_us(imu->port->context);
-    const unsigned words = (unsigned)(status[1] & 3) << 8 | status[0];
-    batch->overrun = (status[1] & GC_LSM6DSO_FIFO_OVERRUN) != 0u;
-    if (batch->overrun) {
-        batch->gap = true;
-        imu->partial_has = 0;
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL5_C, GC_LSM6DSO_CTRL5_GYRO_TEST);
     }
-    if (words == 0u) {
-        return GC_OK;
+    gc_sensor_wait_us(imu, GC_LSM6DSO_TEST_US);
+    if (error == GC_OK) {
+        error = gc_sensor_mean(imu, TEST_SAMPLES, moved);
     }
-    imu->fresh_us = batch->until_us;
-    return take_words(imu, words, batch);
+    if (error == GC_OK) {
+        const double change_dps[3] = {TEST_LSB_DPS * (moved[0] - before[0]), TEST_LSB_DPS * (moved[1] - before[1]),
+                                      TEST_LSB_DPS * (moved[2] - before[2])};
+        gc_sensor_judge_change(result, change_dps, TEST_LEAST_DPS, TEST_MOST_DPS);
+    }
+    return error;
 }
 
 /* The part's table of ranges; what the parts with a FIFO of tagged words have; what all of the family have. */
@@ -257,7 +187,7 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 #define ALIKE                                                                                                            \
     .address = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW}, .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0],          \
     .polled_from_hz = 416.0, .watched_reg = GC_LSM6DSO_CTRL1_XL, .watched = CTRL_REGS, .identify = identify,             \
-    .set_up = set_up, .ready = ready, .read = burst
+    .set_up = set_up, .ready = ready, .read = burst, .self_test = self_test
 
 const gc_part_t gc_lsm6dso = {
     .name = "LSM6DSO", .id = GC_LSM6DSO_ID,

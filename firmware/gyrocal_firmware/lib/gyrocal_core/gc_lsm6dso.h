@@ -6,6 +6,7 @@
  *     LSM6DSR      id, 4000 dps in bit 0 of CTRL2_G: STMicroelectronics/lsm6dsr-pid, lsm6dsr_reg.h, 2f412a46
  *     LSM6DS3TR-C  (LSM6DSL, LSM6DSM) id, no I3C, no INTERNAL_FREQ_FINE, a FIFO of another kind that this driver does not use:
  *                  STMicroelectronics/lsm6ds3tr-c-pid, lsm6ds3tr-c_reg.h, 39233342
+ *     self-test    AN5192, section 8: 208 Hz and 2000 dps, 150 to 700 dps by the datasheets of all of them
  *     LSM6DS3      id, likewise, and 16 counts a degree: STMicroelectronics/lsm6ds3-pid, lsm6ds3_reg.c, 13df2967
  */
 #ifndef GC_LSM6DSO_H
@@ -21,18 +22,17 @@ extern "C" {
 #define GC_LSM6DSO_ADDRESS_LOW 0x6A /* SDO/SA0 low */
 
 #define GC_LSM6DSO_FUNC_CFG_ACCESS 0x01
-#define GC_LSM6DSO_FIFO_CTRL1 0x07
 #define GC_LSM6DSO_INT1_CTRL 0x0D
 #define GC_LSM6DSO_CTRL1_XL 0x10
 #define GC_LSM6DSO_CTRL2_G 0x11
 #define GC_LSM6DSO_CTRL3_C 0x12
+#define GC_LSM6DSO_CTRL5_C 0x14
 #define GC_LSM6DSO_WHO_AM_I 0x0F
 #define GC_LSM6DSO_CTRL9_XL 0x18
 #define GC_LSM6DSO_STATUS 0x1E
 #define GC_LSM6DSO_OUT_TEMP_L 0x20
 #define GC_LSM6DSO_FIFO_STATUS1 0x3A
 #define GC_LSM6DSO_FREQ_FINE 0x63
-#define GC_LSM6DSO_FIFO_DATA_OUT_TAG 0x78
 
 #define GC_LSM6DSO_ID 0x6C
 #define GC_LSM6DSR_ID 0x6B
@@ -48,21 +48,14 @@ extern "C" {
 #define GC_LSM6DSO_CTRL3_IF_INC 0x04u
 #define GC_LSM6DSO_CTRL3_SW_RESET 0x01u
 #define GC_LSM6DSO_CTRL9_I3C_DISABLE 0x02u
+#define GC_LSM6DSO_CTRL5_GYRO_TEST 0x04u /* the gyroscope's mass is moved as by a positive rate */
 #define GC_LSM6DSO_STATUS_XLDA 0x01u
 #define GC_LSM6DSO_STATUS_GDA 0x02u
 #define GC_LSM6DSO_STATUS_TDA 0x04u
 
-#define GC_LSM6DSO_FIFO_CONTINUOUS 0x06u /* FIFO_CTRL4: the newest overwrite the oldest */
-#define GC_LSM6DSO_FIFO_OVERRUN 0x48u /* FIFO_STATUS2: it is full, or was since this register was last read */
-#define GC_LSM6DSO_TAG_GYRO 0x01u
-#define GC_LSM6DSO_TAG_ACC 0x02u
-#define GC_LSM6DSO_TAG_TEMP 0x03u
-
-#define GC_LSM6DSO_FIFO_WORDS 512u
-#define GC_LSM6DSO_FIFO_WORD_BYTES 7u /* a tag and three values */
-
 #define GC_LSM6DSO_BOOT_US 10000u
 #define GC_LSM6DSO_RESET_TIMEOUT_US 10000u /* 50 us by the datasheet */
+#define GC_LSM6DSO_TEST_US 100000u /* until the self-test has moved the mass */
 #define GC_LSM6DSO_TURN_ON_US 80000u /* from power-down until the gyroscope's readings can be used */
 
 /* AN5192: every output data rate is this rate halved some times; the datasheet gives rounded figures. */

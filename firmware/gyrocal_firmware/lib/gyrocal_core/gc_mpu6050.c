@@ -21,10 +21,6 @@ static uint8_t filter_code(double odr_hz) {
     return code;
 }
 
-static int16_t word(const uint8_t *data) {
-    return (int16_t)((data[0] & 0x80u ? -0x8000 : 0) + ((data[0] & 0x7F) << 8 | data[1]));
-}
-
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[14];
     const int error = gc_sensor_read_regs(imu, GC_MPU6050_ACCEL_XOUT_H, data, sizeof data);
@@ -32,10 +28,10 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
         return error;
     }
     for (size_t i = 0; i < 3u; i++) {
-        sample->acc[i] = word(data + 2u * i);
-        sample->gyro[i] = word(data + 8u + 2u * i);
+        sample->acc[i] = gc_sensor_word(data[2u * i], data[2u * i + 1u]);
+        sample->gyro[i] = gc_sensor_word(data[8u + 2u * i], data[8u + 2u * i + 1u]);
     }
-    sample->temp = word(data + 6);
+    sample->temp = gc_sensor_word(data[6], data[7]);
     imu->data_wait = false;
     return GC_OK;
 }
@@ -46,10 +42,6 @@ static int identify(gc_sensor_t *imu) {
     return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
 }
 
-static void wait_us(const gc_sensor_t *imu, uint64_t us) {
-    imu->port->wait_until_us(imu->port->context, imu->port->now_us(imu->port->context) + us);
-}
-
 static int reset(gc_sensor_t *imu) {
     int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_RESET);
     const uint64_t start = imu->port->now_us(imu->port->context);
@@ -58,7 +50,7 @@ static int reset(gc_sensor_t *imu) {
         if (imu->port->now_us(imu->port->context) - start > GC_MPU6050_RESET_TIMEOUT_US) {
             return GC_E_RESET_TIMEOUT;
         }
-        wait_us(imu, POLL_US);
+        gc_sensor_wait_us(imu, POLL_US);
         error = gc_sensor_read_regs(imu, GC_MPU6050_PWR_MGMT_1, &power, 1);
     }
     return error;
@@ -68,7 +60,7 @@ static int reset(gc_sensor_t *imu) {
 static int wake(gc_sensor_t *imu) {
     int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, 0);
     if (error == GC_OK) {
-        wait_us(imu, GC_MPU6050_WAKE_US + GC_MPU6050_GYRO_ON_US);
+        gc_sensor_wait_us(imu, GC_MPU6050_WAKE_US + GC_MPU6050_GYRO_ON_US);
         error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_CLOCK_GYRO);
     }
     return error;
@@ -91,7 +83,7 @@ static int configure(gc_sensor_t *imu) {
 static int set_up(gc_sensor_t *imu) {
     gc_sample_t first;
     imu->period_us = 1e6 / imu->odr_hz;
-    wait_us(imu, GC_MPU6050_BOOT_US);
+    gc_sensor_wait_us(imu, GC_MPU6050_BOOT_US);
     int error = identify(imu);
     if (error == GC_OK) {
         error = reset(imu);
@@ -109,7 +101,7 @@ static int set_up(gc_sensor_t *imu) {
         error = gc_sensor_write_reg(imu, GC_MPU6050_INT_ENABLE, GC_MPU6050_DATA_READY);
     }
     if (error == GC_OK) {
-        wait_us(imu, GC_MPU6050_FILTER_US);
+        gc_sensor_wait_us(imu, GC_MPU6050_FILTER_US);
         error = burst(imu, &first);
     }
     return error;

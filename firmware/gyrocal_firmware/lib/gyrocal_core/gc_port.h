@@ -39,8 +39,14 @@ typedef struct {
     /* Optional: returns false while a store would stall another device of the board. The core then asks again. */
     bool (*may_store)(void *context);
 
+    /* Optional: starts the board again; does not return. */
+    void (*restart)(void *context);
+
     /* Optional: the least memory that has been free since power-on, in all and on the stack of the calling task, bytes. */
     void (*least_free)(void *context, uint32_t *heap_bytes, uint32_t *stack_bytes);
+
+    /* Optional: the file of its maker that a part must be given at each start, and its size; NULL if the board does not have it. */
+    const uint8_t *(*part_file)(void *context, const char *part, size_t *n);
 
     /* Optional: shows the state of the device. */
     void (*led)(void *context, gc_led_t state);

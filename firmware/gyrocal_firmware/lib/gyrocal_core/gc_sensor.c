@@ -7,6 +7,8 @@
 
 #define STALE_PERIODS 3.0 /* output periods without new data after which the part is at fault; chosen by judgement */
 #define POLL_MARGIN 1.2 /* output rate over polling rate: a part that is polled at nearly its own rate often has nothing new */
+#define SELF_TEST_SAMPLE_US 200000u /* the longest time between two samples of a self-test */
+#define SELF_TEST_LOOK_US 200u
 
 static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
     for (size_t i = 0; i < part->odrs; i++) {
@@ -72,25 +74,59 @@ double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n) {
     return n == 0u ? NAN : part->zero_c + part->lsb_c * (double)sum / (double)n;
 }
 
-int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
-    return sensor->port->bus_write(sensor->port->context, sensor->address, reg, &value, 1) < 0 ? GC_E_BUS_NACK : GC_OK;
+int16_t gc_sensor_word(uint8_t high, uint8_t low) {
+    return (int16_t)((high & 0x80u ? -0x8000 : 0) + ((high & 0x7F) << 8 | low));
 }
 
-int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
-    const int got = sensor->port->bus_read(sensor->port->context, sensor->address, reg, data, n);
+void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us) {
+    sensor->port->wait_until_us(sensor->port->context, sensor->port->now_us(sensor->port->context) + us);
+}
+
+static int write_at(gc_sensor_t *sensor, uint8_t address, uint8_t reg, uint8_t value) {
+    return sensor->port->bus_write(sensor->port->context, address, reg, &value, 1) < 0 ? GC_E_BUS_NACK : GC_OK;
+}
+
+static int read_at(gc_sensor_t *sensor, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    const int got = sensor->port->bus_read(sensor->port->context, address, reg, data, n);
     if (got < 0) {
         return GC_E_BUS_NACK;
     }
     return (size_t)got == n ? GC_OK : GC_E_BUS_SHORT;
 }
 
+int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
+    return write_at(sensor, sensor->address, reg, value);
+}
+
+int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
+    return read_at(sensor, sensor->address, reg, data, n);
+}
+
+int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t n) {
+    int error = GC_OK;
+    for (size_t i = 0; i < n && error == GC_OK; i++) {
+        error = gc_sensor_write_reg(sensor, steps[i][0], steps[i][1]);
+    }
+    return error;
+}
+
+int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
+    return write_at(sensor, sensor->other_address, reg, value);
+}
+
+int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
+    return read_at(sensor, sensor->other_address, reg, data, n);
+}
+
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other) {
+    const gc_part_t *part = sensor->part;
     uint8_t found[GC_WATCHED_MAX];
-    const int error = gc_sensor_read_regs(sensor, sensor->part->watched_reg, found, sensor->part->watched);
+    const int error = part->read_watched != NULL ? part->read_watched(sensor, found)
+                                                 : gc_sensor_read_regs(sensor, part->watched_reg, found, part->watched);
     if (error != GC_OK) {
         return error;
     }
-    return memcmp(found, sensor->written, sensor->part->watched) == 0 ? GC_OK : error_if_other;
+    return memcmp(found, sensor->written, part->watched) == 0 ? GC_OK : error_if_other;
 }
 
 int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
@@ -114,6 +150,52 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     sensor->config_checked_us = port->now_us(port->context);
     sensor->fresh_us = sensor->config_checked_us;
     return error;
+}
+
+static int wait_for_sample(gc_sensor_t *sensor, gc_sample_t *sample) {
+    const uint64_t start = sensor->port->now_us(sensor->port->context);
+    int ready = sensor->part->ready(sensor);
+    while (ready == 0) {
+        if (sensor->port->now_us(sensor->port->context) - start > SELF_TEST_SAMPLE_US) {
+            return GC_E_STALE;
+        }
+        gc_sensor_wait_us(sensor, SELF_TEST_LOOK_US);
+        ready = sensor->part->ready(sensor);
+    }
+    return ready < 0 ? ready : sensor->part->read(sensor, sample);
+}
+
+int gc_sensor_mean(gc_sensor_t *sensor, unsigned n, double mean[3]) {
+    gc_sample_t sample;
+    double sum[3] = {0.0, 0.0, 0.0};
+    int error = wait_for_sample(sensor, &sample);
+    for (unsigned k = 0; k < n && error == GC_OK; k++) {
+        error = wait_for_sample(sensor, &sample);
+        for (size_t i = 0; i < 3u && error == GC_OK; i++) {
+            sum[i] += sample.gyro[i];
+        }
+    }
+    for (size_t i = 0; i < 3u; i++) {
+        mean[i] = sum[i] / n;
+    }
+    return error;
+}
+
+void gc_sensor_judge_change(gc_self_test_t *result, const double change_dps[3], double least_dps, double most_dps) {
+    result->passed = true;
+    result->least_dps = least_dps;
+    result->most_dps = most_dps;
+    for (size_t i = 0; i < 3u; i++) {
+        const double size_dps = fabs(change_dps[i]);
+        result->change_dps[i] = change_dps[i];
+        result->passed = result->passed && size_dps >= least_dps && size_dps <= most_dps;
+    }
+}
+
+int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {
+    const gc_part_t *part = sensor->part;
+    *result = (gc_self_test_t){.change_dps = {NAN, NAN, NAN}, .least_dps = NAN, .most_dps = NAN};
+    return part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
 }
 
 /* Judges whether data stay away for too long, and finds the reason. */

@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 #define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
-#define GC_WATCHED_MAX 5u  /* registers */
+#define GC_WATCHED_MAX 6u  /* registers */
 #define GC_SENSOR_CONFIG_CHECK_US 500000u
 
 /* A reading in raw counts. */
@@ -46,6 +46,13 @@ typedef struct {
     uint8_t code;
 } gc_range_t;
 
+/* What the part's own test of the gyroscope found. */
+typedef struct {
+    bool passed;
+    double change_dps[3];         /* by which the test moved each axis; NaN where the part tells the result alone */
+    double least_dps, most_dps;   /* between which the maker wants each; NaN likewise */
+} gc_self_test_t;
+
 typedef struct gc_sensor gc_sensor_t;
 
 /* A kind of sensor. The functions return GC_OK or an error of gc_error.h. */
@@ -64,6 +71,8 @@ typedef struct {
     size_t ranges;
     uint8_t watched_reg; /* the first of the registers that must keep what was written to them, and */
     uint8_t watched;     /* how many there are */
+    /* Optional, where they do not lie in a row or on one die: reads them in the order of `written`. */
+    int (*read_watched)(gc_sensor_t *sensor, uint8_t *found);
     unsigned batch_max;  /* largest batch of the FIFO in samples; 0 = the part has no FIFO */
 
     /* Returns GC_E_WRONG_ID if another part answers. Changes nothing else of any part. */
@@ -77,12 +86,15 @@ typedef struct {
     int (*fifo_begin)(gc_sensor_t *sensor);
     /* Reads the FIFO into a batch and sets all of its fields. */
     int (*fifo_read)(gc_sensor_t *sensor, gc_batch_t *batch);
+    /* Optional: the part's own test of its gyroscope, at rest. Takes up to a second and leaves the part to be set up again. */
+    int (*self_test)(gc_sensor_t *sensor, gc_self_test_t *result);
 } gc_part_t;
 
 struct gc_sensor {
     const gc_part_t *part;
     const gc_port_t *port;
     uint8_t address;
+    uint8_t other_address; /* of the part's second die, where it has one */
     const gc_odr_t *odr;
     const gc_range_t *range;
     double odr_hz;    /* nominal */
@@ -95,6 +107,7 @@ struct gc_sensor {
     uint64_t fresh_us; /* when data were last ready */
     unsigned batch;    /* samples between two readings of the FIFO; 0 = it is not used */
     bool data_wait;    /* a look has cleared the flag of data that were not read since; for parts whose flag a look clears */
+    uint64_t temp_us;  /* when the temperature was last read, for parts where that takes a transfer of its own */
     bool fifo_broken;  /* the FIFO must be started again */
     gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
     uint8_t partial_slot, partial_has; /* number of the slot, and the words of it that have come */
@@ -128,9 +141,23 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch);
 /* Returns the mean temperature in degC from the sum of n readings in counts; NaN for n = 0. */
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n);
 
+/* Runs the part's own test, after which it must be set up again. Returns GC_E_NO_SELF_TEST if it has none. */
+int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result);
+
 /* The functions from here on serve drivers. */
+int16_t gc_sensor_word(uint8_t high, uint8_t low);
+void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us);
 int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
+/* Writes registers, each with its value, in this order. */
+int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t n);
+/* The same of the second die. */
+int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
+int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
+/* The mean of n new readings of the gyroscope in counts, after one that is discarded. For self-tests. */
+int gc_sensor_mean(gc_sensor_t *sensor, unsigned n, double mean[3]);
+/* Fills in the changes and judges their sizes by the maker's limits. */
+void gc_sensor_judge_change(gc_self_test_t *result, const double change_dps[3], double least_dps, double most_dps);
 /* Returns error_if_other if a watched register does not hold what was written to it. */
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
 

@@ -7,9 +7,9 @@
 
 #define KEY "settings"
 #define VERSION 4u /* version of the layout of gc_settings_t */
-/* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 ms and the look at the flag 0.1 ms, and a
-   tenth of the samples at 1666 Hz was lost. */
-#define SINGLE_BELOW_HZ 1666.0
+/* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 to 0.6 ms and the look at the flag 0.1 ms,
+   and a tenth of the samples at 1666 Hz was lost. */
+#define SINGLE_BELOW_HZ 1500.0
 #define FIFO_LONGEST_S 0.25 /* the longest batch: commands are read between two batches */
 
 static const char *const axes[] = {"x", "y", "z", NULL};

@@ -21,6 +21,7 @@ public:
         port_.now_us = now_us;
         port_.wait_until_us = wait_until_us;
         port_.send = send;
+        port_.part_file = part_file;
     }
 
     const gc_port_t *port() const { return &port_; }
@@ -87,6 +88,11 @@ private:
     static int send(void *context, const char *data, size_t n) {
         Print *out = of(context).out_;
         return out == nullptr ? static_cast<int>(n) : static_cast<int>(out->write(reinterpret_cast<const uint8_t *>(data), n));
+    }
+
+    static const uint8_t *part_file(void *, const char *, size_t *n) {
+        *n = gyrocal_part_file_bytes;
+        return gyrocal_part_file;
     }
 
     TwoWire &wire_;

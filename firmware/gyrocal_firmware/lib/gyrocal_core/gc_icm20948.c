@@ -1,0 +1,147 @@
+#include "gc_icm20948.h"
+
+#include "gc_error.h"
+
+#define POLL_US 1000u
+enum { PWR_1, PWR_2, DIVIDER, GYRO, ACCEL, CONFIG_REGS }; /* the watched ones: two of bank 0, three of bank 2 */
+
+static const gc_odr_t odrs[] = {{12.5, 89}, {25.0, 44}, {45.0, 24}, {56.25, 19}, {75.0, 14}, {112.5, 9},
+                                {125.0, 8}, {225.0, 4}, {375.0, 2}, {562.5, 1},  {1125.0, 0}};
+static const gc_range_t ranges[] = {
+    {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x02}, {1000.0, 1.0 / 32.8, 0x04}, {2000.0, 1.0 / 16.4, 0x06}};
+
+/* The widest filter below half of the output rate. */
+static uint8_t filter_code(double odr_hz) {
+    static const struct {
+        double from_hz;
+        uint8_t code;
+    } filters[] = {{1125.0, 7}, {562.5, 0}, {375.0, 1}, {112.5, 3}, {56.25, 4}, {25.0, 5}}; /* 361, 197, 152, 51, 24 and 12 Hz */
+    for (size_t i = 0; i < sizeof filters / sizeof filters[0]; i++) {
+        if (odr_hz >= filters[i].from_hz) {
+            return filters[i].code;
+        }
+    }
+    return 6; /* 6 Hz */
+}
+
+static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
+    uint8_t data[14];
+    const int error = gc_sensor_read_regs(imu, GC_ICM20948_ACCEL_XOUT_H, data, sizeof data);
+    if (error != GC_OK) {
+        return error;
+    }
+    for (size_t i = 0; i < 3u; i++) {
+        sample->acc[i] = gc_sensor_word(data[2u * i], data[1u + 2u * i]);
+        sample->gyro[i] = gc_sensor_word(data[6u + 2u * i], data[7u + 2u * i]);
+    }
+    sample->temp = gc_sensor_word(data[12], data[13]);
+    imu->data_wait = false;
+    return GC_OK;
+}
+
+static int select_bank(gc_sensor_t *imu, uint8_t bank) {
+    return gc_sensor_write_reg(imu, GC_ICM20948_BANK_SEL, bank);
+}
+
+/* Another program may have left another bank selected. */
+static int identify(gc_sensor_t *imu) {
+    uint8_t id = 0;
+    int error = select_bank(imu, 0);
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_ICM20948_WHO_AM_I, &id, 1);
+    }
+    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+}
+
+static int reset(gc_sensor_t *imu) {
+    const gc_port_t *port = imu->port;
+    int error = gc_sensor_write_reg(imu, GC_ICM20948_PWR_MGMT_1, GC_ICM20948_RESET);
+    const uint64_t start = port->now_us(port->context);
+    uint8_t power = GC_ICM20948_RESET;
+    while (error == GC_OK && (power & GC_ICM20948_RESET) != 0u) {
+        if (port->now_us(port->context) - start > GC_ICM20948_RESET_TIMEOUT_US) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        gc_sensor_wait_us(imu, POLL_US);
+        error = gc_sensor_read_regs(imu, GC_ICM20948_PWR_MGMT_1, &power, 1);
+    }
+    gc_sensor_wait_us(imu, GC_ICM20948_AFTER_RESET_US);
+    return error;
+}
+
+/* The bank is bank 0 again afterwards, whatever failed. */
+static int read_watched(gc_sensor_t *imu, uint8_t *found) {
+    int error = gc_sensor_read_regs(imu, GC_ICM20948_PWR_MGMT_1, found, 2);
+    if (error == GC_OK) {
+        error = select_bank(imu, GC_ICM20948_BANK_2);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_ICM20948_GYRO_SMPLRT_DIV, found + DIVIDER, 2);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_ICM20948_ACCEL_CONFIG, found + ACCEL, 1);
+    }
+    const int after = select_bank(imu, 0);
+    return error != GC_OK ? error : after;
+}
+
+static int configure(gc_sensor_t *imu) {
+    const uint8_t filter = (uint8_t)(8u * filter_code(imu->odr_hz) | GC_ICM20948_FILTER_ON);
+    imu->written[PWR_1] = GC_ICM20948_CLOCK_AUTO;
+    imu->written[PWR_2] = 0; /* both sensors on */
+    imu->written[DIVIDER] = imu->odr->code;
+    imu->written[GYRO] = (uint8_t)(filter | imu->range->code);
+    imu->written[ACCEL] = filter; /* 2 g */
+    const uint8_t steps[][2] = {
+        {GC_ICM20948_PWR_MGMT_1, imu->written[PWR_1]},
+        {GC_ICM20948_PWR_MGMT_1 + 1, imu->written[PWR_2]},
+        {GC_ICM20948_INT_PIN_CFG, GC_ICM20948_LATCH_INT},
+        {GC_ICM20948_INT_ENABLE_1, GC_ICM20948_DATA_READY},
+        {GC_ICM20948_BANK_SEL, GC_ICM20948_BANK_2},
+        {GC_ICM20948_GYRO_SMPLRT_DIV, imu->written[DIVIDER]},
+        {GC_ICM20948_GYRO_CONFIG_1, imu->written[GYRO]},
+        {GC_ICM20948_ACCEL_SMPLRT_DIV_2, imu->odr->code},
+        {GC_ICM20948_ACCEL_CONFIG, imu->written[ACCEL]},
+        {GC_ICM20948_BANK_SEL, 0},
+    };
+    const int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
+    return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
+}
+
+static int set_up(gc_sensor_t *imu) {
+    gc_sample_t first;
+    imu->period_us = 1e6 / imu->odr_hz;
+    gc_sensor_wait_us(imu, GC_ICM20948_BOOT_US);
+    int error = identify(imu);
+    if (error == GC_OK) {
+        error = reset(imu);
+    }
+    if (error == GC_OK) {
+        error = configure(imu);
+    }
+    if (error == GC_OK) {
+        gc_sensor_wait_us(imu, GC_ICM20948_TURN_ON_US);
+        error = burst(imu, &first);
+    }
+    return error;
+}
+
+static int ready(gc_sensor_t *imu) {
+    uint8_t status = 0;
+    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_ICM20948_INT_STATUS_1, &status, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    imu->data_wait = imu->data_wait || (status & GC_ICM20948_DATA_READY) != 0u;
+    return imu->data_wait ? 1 : 0;
+}
+
+const gc_part_t gc_icm20948 = {
+    .name = "ICM-20948", .id = GC_ICM20948_ID, .address = {GC_ICM20948_ADDRESS, GC_ICM20948_ADDRESS_HIGH},
+    .lsb_g = 1.0 / 16384.0, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,
+    .noise_dps = 0.23, /* 0.015 dps/sqrt(Hz) within 230 Hz */
+    .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 562.5,
+    .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .watched = CONFIG_REGS, .read_watched = read_watched,
+    .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
+};

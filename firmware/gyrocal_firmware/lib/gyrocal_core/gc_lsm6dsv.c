@@ -1,0 +1,164 @@
+#include "gc_lsm6dsv.h"
+
+#include "gc_error.h"
+#include "gc_tagged_fifo.h"
+
+#define CONFIG_REGS 6u /* CTRL1 to CTRL6 */
+#define RESET_LOOK_US 100u
+#define TEST_CODE_240_HZ 7u
+#define TEST_CODE_2000_DPS 4u
+#define TEST_LSB_DPS 0.070
+#define TEST_LEAST_DPS 150.0
+#define TEST_MOST_DPS 700.0
+#define TEST_SAMPLES 5u
+
+static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}};
+static const gc_range_t ranges[] = {{125.0, 0.004375, 0x00}, {250.0, 0.00875, 0x01}, {500.0, 0.0175, 0x02},
+                                    {1000.0, 0.035, 0x03},   {2000.0, 0.070, 0x04},  {4000.0, 0.140, 0x0C}};
+static const gc_tagged_fifo_t fifo = {
+    .status_reg = GC_LSM6DSV_FIFO_STATUS1, .level_bits = 1, .slow_temp_hz = 15.0, .temp_hz = 60.0};
+
+static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
+    uint8_t data[14];
+    const int error = gc_sensor_read_regs(imu, GC_LSM6DSV_OUT_TEMP_L, data, sizeof data);
+    if (error != GC_OK) {
+        return error;
+    }
+    sample->temp = gc_sensor_word(data[1], data[0]);
+    for (size_t i = 0; i < 3u; i++) {
+        sample->gyro[i] = gc_sensor_word(data[3u + 2u * i], data[2u + 2u * i]);
+        sample->acc[i] = gc_sensor_word(data[9u + 2u * i], data[8u + 2u * i]);
+    }
+    return GC_OK;
+}
+
+/* Another program may have left another bank selected. */
+static int identify(gc_sensor_t *imu) {
+    uint8_t id = 0;
+    int error = gc_sensor_write_reg(imu, GC_LSM6DSV_FUNC_CFG_ACCESS, 0);
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_LSM6DSV_WHO_AM_I, &id, 1);
+    }
+    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+}
+
+static int reset(gc_sensor_t *imu) {
+    static const uint8_t steps[][2] = {{GC_LSM6DSV_INT1_CTRL, 0},
+                                       {GC_LSM6DSV_CTRL1, 0},
+                                       {GC_LSM6DSV_CTRL2, 0},
+                                       {GC_LSM6DSV_CTRL3, GC_LSM6DSV_CTRL3_SW_RESET | GC_LSM6DSV_CTRL3_IF_INC}};
+    const gc_port_t *port = imu->port;
+    int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
+    const uint64_t start = port->now_us(port->context);
+    uint8_t ctrl3 = GC_LSM6DSV_CTRL3_SW_RESET;
+    while (error == GC_OK && (ctrl3 & GC_LSM6DSV_CTRL3_SW_RESET) != 0u) {
+        if (port->now_us(port->context) - start > GC_LSM6DSV_RESET_TIMEOUT_US) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        gc_sensor_wait_us(imu, RESET_LOOK_US);
+        error = gc_sensor_read_regs(imu, GC_LSM6DSV_CTRL3, &ctrl3, 1);
+    }
+    return error;
+}
+
+static int read_period(gc_sensor_t *imu) {
+    uint8_t fine = 0;
+    const int error = gc_sensor_read_regs(imu, GC_LSM6DSV_INTERNAL_FREQ, &fine, 1);
+    const int faster = fine < 128u ? fine : fine - 256;
+    imu->period_us = 1e6 / (imu->odr_hz * (1.0 + GC_LSM6DSV_FREQ_LSB * faster));
+    return error;
+}
+
+/* The pin drives what is wired to it only where a port waits for it. */
+static int route_int1(gc_sensor_t *imu, uint8_t source) {
+    return imu->port->wait_ready_us != NULL ? gc_sensor_write_reg(imu, GC_LSM6DSV_INT1_CTRL, source) : GC_OK;
+}
+
+/* BDU comes first, so that no word is read in two halves; the accelerometer's 2 g are the default. */
+static int configure(gc_sensor_t *imu) {
+    imu->written[0] = imu->odr->code;
+    imu->written[1] = imu->odr->code;
+    imu->written[2] = GC_LSM6DSV_CTRL3_BDU | GC_LSM6DSV_CTRL3_IF_INC;
+    imu->written[3] = 0;
+    imu->written[4] = 0;
+    imu->written[5] = imu->range->code;
+    const uint8_t steps[][2] = {{GC_LSM6DSV_CTRL3, imu->written[2]},
+                                {GC_LSM6DSV_CTRL6, imu->written[5]},
+                                {GC_LSM6DSV_CTRL1, imu->written[0]},
+                                {GC_LSM6DSV_CTRL2, imu->written[1]}};
+    const int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
+    return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
+}
+
+static int set_up(gc_sensor_t *imu) {
+    gc_sensor_wait_us(imu, GC_LSM6DSV_BOOT_US);
+    int error = identify(imu);
+    if (error == GC_OK) {
+        error = reset(imu);
+    }
+    if (error == GC_OK) {
+        error = read_period(imu);
+    }
+    if (error == GC_OK) {
+        error = route_int1(imu, GC_LSM6DSV_INT1_DRDY_G);
+    }
+    if (error == GC_OK) {
+        error = configure(imu);
+    }
+    if (error == GC_OK) {
+        gc_sensor_wait_us(imu, GC_LSM6DSV_TURN_ON_US);
+        error = burst(imu, &imu->partial); /* the first rates are discarded */
+    }
+    return error;
+}
+
+static int ready(gc_sensor_t *imu) {
+    uint8_t status = 0;
+    const int error = gc_sensor_read_regs(imu, GC_LSM6DSV_STATUS, &status, 1);
+    return error != GC_OK ? error : (status & GC_LSM6DSV_STATUS_GDA) != 0u ? 1 : 0;
+}
+
+static int fifo_begin(gc_sensor_t *imu) {
+    const int error = route_int1(imu, GC_LSM6DSV_INT1_FIFO_TH);
+    return error == GC_OK ? gc_tagged_fifo_restart(&fifo, imu) : error;
+}
+
+static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
+    return gc_tagged_fifo_read(&fifo, imu, batch);
+}
+
+static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
+    static const uint8_t still[][2] = {
+        {GC_LSM6DSV_INT1_CTRL, 0}, {GC_LSM6DSV_CTRL6, TEST_CODE_2000_DPS}, {GC_LSM6DSV_CTRL2, TEST_CODE_240_HZ}};
+    double before[3], moved[3];
+    int error = gc_sensor_write_steps(imu, still, sizeof still / sizeof still[0]);
+    gc_sensor_wait_us(imu, GC_LSM6DSV_TEST_US);
+    if (error == GC_OK) {
+        error = gc_sensor_mean(imu, TEST_SAMPLES, before);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST);
+    }
+    gc_sensor_wait_us(imu, GC_LSM6DSV_TEST_US);
+    if (error == GC_OK) {
+        error = gc_sensor_mean(imu, TEST_SAMPLES, moved);
+    }
+    if (error == GC_OK) {
+        const double change_dps[3] = {TEST_LSB_DPS * (moved[0] - before[0]), TEST_LSB_DPS * (moved[1] - before[1]),
+                                      TEST_LSB_DPS * (moved[2] - before[2])};
+        gc_sensor_judge_change(result, change_dps, TEST_LEAST_DPS, TEST_MOST_DPS);
+    }
+    return error;
+}
+
+const gc_part_t gc_lsm6dsv = {
+    .name = "LSM6DSV", .id = GC_LSM6DSV_ID, .address = {GC_LSM6DSV_ADDRESS, GC_LSM6DSV_ADDRESS_LOW},
+    .lsb_g = 0.000061, .lsb_c = 1.0 / 256.0, .zero_c = 25.0,
+    .noise_dps = 0.043, /* 2.8 mdps/sqrt(Hz) within half of 480 Hz */
+    .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 480.0,
+    .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .watched_reg = GC_LSM6DSV_CTRL1, .watched = CONFIG_REGS,
+    .batch_max = 64, /* of at most three words of 256: a quarter of the FIFO is left for delays */
+    .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
+    .fifo_begin = fifo_begin, .fifo_read = fifo_read, .self_test = self_test,
+};

@@ -1,0 +1,116 @@
+/* The port to STM32's HAL: call gyrocal_begin once after MX_I2C1_Init and MX_USART2_UART_Init, gyrocal_step for ever, and
+   gyrocal_hear from HAL_UART_RxCpltCallback. GYROCAL_HAL is the HAL's header of your chip. It keeps nothing over power-off. */
+#include "gyrocal_stm32.h"
+
+#include "gc_device.h"
+#include "gc_error.h"
+#include "gc_parts.h"
+#include "headers.h"
+
+#include <string.h>
+
+#define TRANSFER_MS 10u
+#define SEND_BYTES 512u /* two sentences, of which one is on the wire */
+
+static I2C_HandleTypeDef *bus;
+static UART_HandleTypeDef *uart;
+static gc_device_config_t config;
+static gc_device_t device;
+static uint32_t last_cycles;
+static uint64_t cycles;
+static uint8_t out[SEND_BYTES];
+
+static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+    uint8_t copy[64]; /* the HAL wants bytes that it may write to */
+    (void)context;
+    if (n > sizeof copy) {
+        return -1;
+    }
+    memcpy(copy, data, n);
+    return HAL_I2C_Mem_Write(bus, (uint16_t)(address << 1), reg, I2C_MEMADD_SIZE_8BIT, copy, (uint16_t)n, TRANSFER_MS) == HAL_OK
+               ? (int)n
+               : -1;
+}
+
+static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    (void)context;
+    return HAL_I2C_Mem_Read(bus, (uint16_t)(address << 1), reg, I2C_MEMADD_SIZE_8BIT, data, (uint16_t)n, TRANSFER_MS) == HAL_OK
+               ? (int)n
+               : -1;
+}
+
+/* The cycle counter begins anew every 25 s at 168 MHz; it is asked far more often. */
+static uint64_t now_us(void *context) {
+    (void)context;
+    const uint32_t now = DWT->CYCCNT;
+    cycles += (uint32_t)(now - last_cycles);
+    last_cycles = now;
+    return cycles / (SystemCoreClock / 1000000u);
+}
+
+static void wait_until_us(void *context, uint64_t t_us) {
+    while (now_us(context) < t_us) {
+    }
+}
+
+/* By interrupt or DMA, so that sampling does not wait; while a sentence is on the wire, the next one is dropped and counted. */
+static int send(void *context, const char *data, size_t n) {
+    (void)context;
+    if (n > sizeof out || uart->gState != HAL_UART_STATE_READY) {
+        return -1;
+    }
+    memcpy(out, data, n);
+    return HAL_UART_Transmit_IT(uart, out, (uint16_t)n) == HAL_OK ? (int)n : -1;
+}
+
+static void restart(void *context) {
+    (void)context;
+    HAL_Delay(100);
+    NVIC_SystemReset();
+}
+
+static const uint8_t *part_file(void *context, const char *part, size_t *n) {
+    (void)context;
+    (void)part;
+    *n = gyrocal_part_file_bytes;
+    return gyrocal_part_file;
+}
+
+static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
+                               .send = send, .restart = restart, .part_file = part_file};
+
+void gyrocal_begin(I2C_HandleTypeDef *i2c, UART_HandleTypeDef *wire) {
+    static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
+    const gc_part_t *found = NULL;
+    bus = i2c;
+    uart = wire;
+    CoreDebug->DEMCR |= CoreDebug_DEMCR_TRCENA_Msk;
+    DWT->CTRL |= DWT_CTRL_CYCCNTENA_Msk;
+    HAL_Delay(100); /* start-up time of the slowest sensor */
+    config.port = &port;
+    config.parts = gc_parts;
+    config.address = addresses[0]; /* bus_nack is reported until a sensor answers there */
+    for (size_t i = 0; i < sizeof addresses && found == NULL; i++) {
+        config.address = gc_part_find(gc_parts, &port, addresses[i], &found) == GC_OK ? addresses[i] : config.address;
+    }
+    config.calibration = gyrocal_calibration;
+    config.net = gyrocal_net;
+    gc_device_init(&device, &config);
+}
+
+static volatile uint8_t heard[128];
+static volatile unsigned heard_n, taken_n;
+
+void gyrocal_hear(uint8_t byte) {
+    heard[heard_n % sizeof heard] = byte;
+    heard_n++;
+}
+
+void gyrocal_step(void) {
+    while (taken_n != heard_n) {
+        const char byte = (char)heard[taken_n % sizeof heard];
+        taken_n++;
+        gc_device_receive(&device, &byte, 1);
+    }
+    gc_device_step(&device);
+}

@@ -1,0 +1,121 @@
+"""The doctor on a simulated board that lies still: a sound one passes, and each fault fails its own check with advice."""
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.device.doctor import Check, Doctor, Heard, _clock
+from gyrocal.device.find import find_port
+from gyrocal.device.port import Link
+from gyrocal.device.simulated import SimulatedDevice, simulated_scenario
+from gyrocal.device.wire import Sentence
+from gyrocal.errors import DeviceError
+from gyrocal.recording.session import Session
+
+from .fake import FakeDevice
+
+SECONDS = 2.0
+ALL = [
+    "device", "sensor", "self-test", "losses", "rate", "clock", "noise", "gravity", "temperature", "time",
+    "kept over a restart",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scenario(require_tool: Callable[[str], str]) -> Session:
+    require_tool("cc")
+    return simulated_scenario([], 0)
+
+
+def examine(session: Session, faults: tuple[str, ...] = (), *, restart: bool = True, part: str = "LSM6DSO") -> dict[str, Check]:
+    with SimulatedDevice(session, speed=1, bench=True, faults=faults, part=part) as board, Link(board.port) as link:
+        checks = Doctor(link, SECONDS, restart=restart).run()
+    return {check.name: check for check in checks}
+
+
+def sound(checks: dict[str, Check]) -> bool:
+    """On a busy machine the clocks cannot be compared, which the check says."""
+    return all(check.ok is True or (name == "clock" and check.ok is None) for name, check in checks.items())
+
+
+def wrong(checks: dict[str, Check]) -> set[str]:
+    return {name for name, check in checks.items() if check.ok is False}
+
+
+def test_a_sound_board_passes(scenario: Session) -> None:
+    found = examine(scenario)
+    assert sound(found), found
+    assert list(found) == ALL
+    assert "x 400, y 400, z 400 dps" in found["self-test"].found
+    assert all(check.advice == "" for check in found.values())
+
+
+@pytest.mark.parametrize(
+    ("fault", "check", "said"),
+    [
+        ("nack@0:9999", "sensor", "bus_nack"),
+        ("wrong_id", "sensor", "wrong_id"),
+        ("stuck_mass", "self-test", "failed: it moved x"),
+        ("garbled@0:9999", "losses", "damaged on the wire"),
+        ("busy@3:1", "losses", "missed by the board"),
+        ("spikes@0:9999", "noise", "dps, usual"),
+        ("frozen@0:9999", "noise", "x 0.000"),
+    ],
+)
+def test_a_fault_fails_its_check_with_advice(scenario: Session, fault: str, check: str, said: str) -> None:
+    found = examine(scenario, (fault,), restart=False)
+    assert check in wrong(found), found
+    assert said in found[check].found
+    assert found[check].advice
+
+
+@pytest.mark.parametrize(("jumps_s", "busy_s", "ok"), [(0.0, 0.0, True), (0.5, 0.0, False), (0.0, 0.02, True), (0, 0.2, None)])
+def test_the_clocks_are_compared_as_far_as_this_computer_can(jumps_s: float, busy_s: float, ok: bool | None) -> None:
+    """Samples of 10 s that come in bundles; the board's clock jumps in the middle, or this machine reads them late."""
+    rng, heard, late_s = np.random.default_rng(3), Heard(), 0.0
+    for n in range(1450):
+        t_s = n / 145 + (jumps_s if n > 700 else 0.0)
+        heard.raw.append(Sentence("RAW", n, round(1e6 * t_s), 0, f"{n},0,0,0,0,0,0,0"))
+        late_s = 0.001 + busy_s * rng.random() if n % 7 == 0 else late_s
+        heard.arrived_s.append((n // 7 * 7 + 6) / 145 + late_s)
+    assert _clock(0, heard).ok is ok
+
+
+def test_a_sensor_without_a_self_test_is_no_fault(scenario: Session) -> None:
+    found = examine(scenario, restart=False, part="ICM-42688-P")
+    assert found["self-test"].ok is None
+    assert wrong(found) == set()
+
+
+def test_the_setting_is_as_before(scenario: Session) -> None:
+    with SimulatedDevice(scenario, speed=1, bench=True) as board, Link(board.port) as link:
+        link.greet()
+        link.command("set table_dps -12.5")
+        checks = Doctor(link, SECONDS).run()
+        assert next(check for check in checks if check.name == "kept over a restart").ok is True
+        assert link.command("get table_dps").fields["table_dps"] == "-12.5"
+
+
+def test_the_command_prints_a_line_a_check(scenario: Session, capsys: pytest.CaptureFixture[str]) -> None:
+    with SimulatedDevice(scenario, speed=1, bench=True, faults=["stuck_mass"]) as board:
+        assert main(["doctor", "--port", board.port, "--seconds", "2", "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["ok"] is False
+    assert [check["name"] for check in answer["checks"]] == ALL
+    assert [check["name"] for check in answer["checks"] if check["ok"] is False] == ["self-test"]
+
+
+def test_a_device_is_found_among_the_ports() -> None:
+    with FakeDevice() as fake:
+        assert find_port("auto", ports=lambda: ["socket://127.0.0.1:1", fake.port]) == fake.port
+    assert find_port("/dev/ttyUSB7") == "/dev/ttyUSB7"
+
+
+def test_no_port_and_no_device_are_told() -> None:
+    with pytest.raises(DeviceError, match="no serial port: plug the board in"):
+        find_port("auto", ports=list)
+    with pytest.raises(DeviceError, match="no gyrocal device answers: socket:"):
+        find_port("auto", ports=lambda: ["socket://127.0.0.1:1"])
