@@ -92,4 +92,5 @@ def test_levels_beside_missing_effects_do_not_hang_on_last_digits(
     one, other = measure(session), measure(change(session, tmp_path))
     for axis, level in one.per_axis.items():
         told, again = level.to_json(), other.per_axis[axis].to_json()
-        assert [again[name] for name in LEVELS] == pytest.approx([told[name] for name in LEVELS], abs=1e-3 * told["excess_se_dps"])
+        thousandth = 1e-3 * told["excess_se_dps"]
+        assert [again[name] for name in LEVELS] == pytest.approx([told[name] for name in LEVELS], abs=thousandth)

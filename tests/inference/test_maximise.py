@@ -12,7 +12,7 @@ WIDE = [(-20.0, 20.0)] * 2
 
 
 def ridge(x: Array) -> tuple[float, Array]:
-    """A curved ridge: well determined across it, hardly along it; the maximum is at (1, 1), with an information of 0.2 to 1000."""
+    """A curved ridge: well determined across it, hardly along it; the maximum is at (1, 1)."""
     across = x[1] - x[0] ** 2
     slope = np.array([400 * across * x[0] + 1 - x[0], -200 * across])
     return -100 * float(across**2) - 0.5 * float(1 - x[0]) ** 2 - 1e4, slope

@@ -178,9 +178,10 @@ class NoiseScale:
         """
         if not self.drift:
             return [], np.zeros(0)
-        noise, ratio = self.noise(x), float(np.exp(STEP))
-        grown = [replace(noise, ou_sd_dps=noise.ou_sd_dps * by**0.5) for by in (ratio, 1 / ratio)]
-        faster = [replace(noise, ou_sd_dps=noise.ou_sd_dps / by**0.5, ou_tau_s=noise.ou_tau_s / by) for by in (ratio, 1 / ratio)]
+        noise, ratios = self.noise(x), (float(np.exp(STEP)), float(np.exp(-STEP)))
+        sd_dps, tau_s = noise.ou_sd_dps, noise.ou_tau_s
+        grown = [replace(noise, ou_sd_dps=sd_dps * by**0.5) for by in ratios]
+        faster = [replace(noise, ou_sd_dps=sd_dps / by**0.5, ou_tau_s=tau_s / by) for by in ratios]
         return grown + faster, np.array([-1 / np.expm1(-x[1]), 1 / (1 - self.slowest_per_s * np.exp(-x[2]))])
 
 

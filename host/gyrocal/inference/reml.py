@@ -235,8 +235,8 @@ class Equations:
         return _Solved(loglik, shared.beta, shared.cov, shared.chi2, grams, of_runs, of_scenarios)
 
     def solve_with_slopes(self, spreads: Spreads, along: Slopes | None = None) -> tuple[Solution, Array]:
-        """The solution, and the derivatives of its log-likelihood: those ``along`` other parameters, then those by the logarithm
-        of each spread, of runs first.
+        """The solution, and the derivatives of its log-likelihood: those ``along`` other parameters, then those by the
+        logarithm of each spread, of runs first.
 
         By Fisher's identity they are expectations over the coefficients given the readings. By a spread it is the sum of
         E[v^2 | y] - 1 over the coefficients that share it, where v is the coefficient divided by its spread. Along a change of
