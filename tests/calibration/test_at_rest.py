@@ -129,3 +129,21 @@ def test_a_turn_by_its_angle_is_judged_by_its_readings(model: Model, tmp_path: P
     else:
         with pytest.raises(InputError, match="so the part moves"):
             apply(tmp_path / "s", model, tmp_path / "out", "rest:5")
+
+
+def test_the_noise_of_a_reference_is_no_turn(model: Model, tmp_path: Path) -> None:
+    """A mean of 0.2 dps over 1.5 s is noise beside 2.5 dps of noise of a sample, and one of 2 dps is a turn."""
+    rng = np.random.default_rng(8)
+
+    def refused(rate_dps: float, number: int) -> bool:
+        folder = tmp_path / f"{rate_dps:g}_{number}"
+        folder.mkdir()
+        table = as_csv(recorded(rate_dps, rate_ref_dps=rate_dps + rng.normal(0, 2.5, 800)), folder)
+        try:
+            apply(table, model, folder / "out.csv", bias="rest:1.5")
+        except InputError as error:
+            return "the reference turns" in str(error)
+        return False
+
+    assert sum(refused(0.0, number) for number in range(40)) <= 1
+    assert all(refused(2.0, number) for number in range(10))

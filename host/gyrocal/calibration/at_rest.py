@@ -58,9 +58,11 @@ def _known_motion(run: Run) -> str:
         rate_dps = run.table_rate_dps or 0.0
         return "" if abs(rate_dps) < POLICY.rest_dps else f"table_rate_dps is {rate_dps:g}"
     rates_dps = np.column_stack([run.about(axis).rate_dps for axis in AXES] if run.three_axes else [run.rate_dps])
-    mean_dps = float(np.abs(rates_dps.mean(axis=0)).max())
-    varies_dps = float(_varies_dps(rates_dps, run.sample_rate_hz).max())
-    if mean_dps > POLICY.rest_reference_dps:
+    means_dps, varies_dps = np.abs(rates_dps.mean(axis=0)), float(_varies_dps(rates_dps, run.sample_rate_hz).max())
+    noise_dps = np.sqrt(np.mean(np.diff(rates_dps, axis=0) ** 2, axis=0) / 2 / len(rates_dps))  # of the mean
+    beyond = means_dps > np.maximum(POLICY.rest_reference_dps, POLICY.rest_reference_errors * noise_dps)
+    if beyond.any():
+        mean_dps = float(means_dps[beyond].max())
         return f"the reference turns by {mean_dps:.3g} dps in the mean"
     return f"the reference's rate varies by {varies_dps:.3g} dps (rms)" if varies_dps > 0 else ""
 

@@ -250,6 +250,12 @@ class Plausibility:
         0.1, "mean of a measured true rate up to which those seconds are at rest, dps",
         larger="a slow turn goes into the bias", smaller="the offset of a reference is taken for motion",
     )  # fmt: skip
+    rest_reference_errors: float = threshold(
+        3.0, "standard errors of that mean by the reference's noise up to which they are at rest too",
+        larger="a slow turn under a noisy reference goes into the bias",
+        smaller="the noise of a reference is taken for motion in the shortest rests",
+        chosen_by="tail of the normal distribution; pytest tests/calibration/test_at_rest.py",
+    )  # fmt: skip
     rest_bias_off_dps: float = threshold(
         2.0, "deviation of the mean of seconds of unknown true rate from the model's bias up to which they are at rest, dps",
         larger="a slow turn is taken for the bias",
