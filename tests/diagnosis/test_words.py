@@ -356,8 +356,7 @@ def test_a_curve_over_the_time_since_power_on_has_its_window_and_size(seed: int)
     low, high = window(first.note, "s")
     drawn = moved.drawn_dps()
     inside = (since_s >= low) & (since_s < high)
-    expected_mdps = 1e3 * (drawn[inside].mean() - drawn.mean())
-    assert number(first.note, rf"mostly {NUMBER} mdps") == pytest.approx(expected_mdps, rel=WITHIN)
+    assert number(first.note, rf"mostly {NUMBER} mdps") == pytest.approx(1e3 * (drawn[inside].mean() - drawn.mean()), WITHIN)
 
 
 @pytest.mark.parametrize("seed", range(2))
