@@ -64,7 +64,7 @@ class Design:
         self._before = self._unchanged(like)
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         lacking = zip(terms, self._before, strict=True)
-        self.lacking = [self._lacking(term, runs) if k is None else before.lacking[k] for term, k in lacking]
+        self.lacking: list[Mask] = [self._lacking(term, runs) if k is None else before.lacking[k] for term, k in lacking]
         self.means = [self._means(i, before) for i in range(len(self.blocks))]
         self.levels = {t: self._level(t) for t, lacks in enumerate(self.lacking) if lacks.any()}
         for t in self.levels:

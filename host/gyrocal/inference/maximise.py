@@ -118,7 +118,7 @@ class _Ascent:
             moved = x.copy()
             moved[j] += h
             out[j] = (slope - self.loglik(moved)[1]) / h
-        out[:, ~free] = 0.0
+        out[:, np.flatnonzero(np.logical_not(free))] = 0.0
         values, vectors = np.linalg.eigh((out + out.T) / 2)
         return np.asarray((vectors * np.maximum(np.abs(values), FLAT)) @ vectors.T)
 

@@ -58,7 +58,7 @@ def _beside(richest: Current, hint: Candidate, tested: int) -> Candidate:
     kept = again.decision != "not_measurable" and not again.contradicted and q_value < POLICY.false_discovery_rate
     return replace(
         again, decision="suggest" if kept else "reject", q_value=q_value, group=hint.group if kept else (),
-        next_measurement=hint.next_measurement, log_odds=hint.log_odds, probability=hint.probability, checks=hint.checks,
+        next_measurement=hint.next_measurement, log_odds=hint.log_odds, checks=hint.checks,
     )  # fmt: skip
 
 
