@@ -58,6 +58,12 @@ def test_a_suggestion_is_named_only_where_the_model_is_known_to_fail() -> None:
     assert decisions(replace(suggested, gain=None)) == {"scale_nonlinearity": ("suggest", ())}
 
 
+def test_beside_a_name_of_the_tests_the_evidence_names_nothing_more() -> None:
+    """It was not asked whether the suggestion still gains with the name in the model."""
+    told = decisions(candidate("drift", "add", 9.0), candidate("scale_nonlinearity", "suggest", 6.0))
+    assert told == {"drift": ("add", ()), "scale_nonlinearity": ("suggest", ())}
+
+
 def test_names_stand_before_suggestions() -> None:
-    order = decided([candidate("drift", "add", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=4.0)], {"z"})
+    order = decided([candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=4.0)], {"z"})
     assert [c.effect.id for c in order] == ["warmup", "drift"]

@@ -73,19 +73,21 @@ def with_probabilities(
 def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidate]:
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
-    A sure name that the evidence does not support is suggested. On an axis that is known to fail (``failing``), an effect that
-    the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these rivals, and
-    none of them has the same shape.
+    A sure name that the evidence does not support is suggested. On an axis that is known to fail (``failing``) and on which the
+    tests name nothing, an effect that they suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has
+    weighed all these rivals, and none of them has the same shape.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
 
     def told_apart(c: Candidate, rival: Candidate | None) -> bool:
         return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
 
+    sure = {c.axis for c in candidates if c.named}
+
     def named(c: Candidate) -> bool:
         alone = all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
         told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
-        return told and alone and c.axis in failing and in_range(c) and c.sure
+        return told and alone and c.axis in failing - sure and in_range(c) and c.sure
 
     found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
     settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
