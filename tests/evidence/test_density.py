@@ -102,3 +102,14 @@ def test_the_probabilities_of_what_may_be_left_over_add_up(scales: Scales) -> No
 def test_states_are_all_that_the_noise_may_do(scales: Scales) -> None:
     logs = [_log_prior(scales, s) for s in range(len(scales.states.log_weight))]
     assert np.exp(logs).sum() == pytest.approx(1.0)
+
+
+def test_what_may_be_left_over_is_a_sum_of_cosines() -> None:
+    runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=6.0).runs
+    found = discrepancy.shapes(runs, 2)
+    assert any(shape.times is not None for shape in found)
+    for shape, run in product(found, runs):
+        part = np.clip((shape.values(run) - shape.low) / (shape.high - shape.low), 0, 1)
+        factor = 1.0 if shape.times is None else shape.times(run)
+        for k, column in enumerate(shape.columns(run).T, start=1):
+            np.testing.assert_allclose(column, np.cos(k * np.pi * part) / k * factor, atol=1e-13)

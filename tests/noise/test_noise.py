@@ -35,6 +35,21 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
         np.testing.assert_allclose(got, c @ np.linalg.solve(v, c.T), rtol=1e-9)
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 
+
+@pytest.mark.parametrize("color", [Color(), Color(0.3)])
+@pytest.mark.parametrize("cell_s", [0.0, 0.5])
+def test_runs_that_are_summed_together_are_the_same_as_one_by_one(cell_s: float, color: Color) -> None:
+    """300 runs of 40 blocks are more than are multiplied at once."""
+    rng = np.random.default_rng(3)
+    t_s, n, columns = np.arange(40) * 0.1, rng.integers(5, 15, 40).astype(float), rng.normal(size=(300, 4, 40))
+    together = Summed.of(columns, t_s, n, cell_s, color)
+    each = [Summed.of([one], t_s, n, cell_s, color) for one in columns]
+    assert len(together.gram) == 300
+    for part in ("gram", "within", "means"):
+        found, wanted = getattr(together, part), np.concatenate([getattr(one, part) for one in each])
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
+
+
 @pytest.mark.parametrize(("size", "rate"), [(1.0002, 1.0), (1.0, 1.0002), (1.0001, 0.9997)])
 def test_normal_equations_beside_a_noise_are_those_of_the_other_noise_to_first_order(size: float, rate: float) -> None:
     rng = np.random.default_rng(5)

@@ -13,6 +13,7 @@ from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.effects.sampling_fault import stale
 from gyrocal.policy import POLICY
+from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.tail import chance_of
@@ -46,6 +47,13 @@ def jumps(run: Run, axis: int) -> list[int]:
 
 def _sized_jumps(run: Run, axis: int) -> list[tuple[int, float]]:
     """The rows of :func:`jumps` with the differences of the means after and before, deg/s."""
+    return _searched((run,), axis)
+
+
+@once
+def _searched(runs: Sequence[Run], axis: int) -> list[tuple[int, float]]:
+    """The jumps of a single run, which every fit of the effect needs again."""
+    (run,) = runs
     if run.rate_is_mean:
         return []
     y = _without_swing(reading_error_dps(run, axis), run.rate_dps, run.duration_s)
