@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Sequence
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +19,8 @@ from gyrocal.variables.shapes import Shape, TableWave, Waves
 
 FIRST_SIGHT = 0.01
 """Probability under noise above which a wave on an axis across the table's is not tried."""
+LEAST_PERIOD = 0.75
+"""Part of a period through which the table must turn in some run, so that a wave of it is looked for."""
 ORDERS = 6
 """Largest number of periods per turn that is tested."""
 
@@ -43,9 +46,16 @@ class TableAngle(Variable):
     def shapes(self, axis: int) -> list[Shape]:
         if not any(turns(self.runs, table_axis) for table_axis in range(3)):
             return []
+        orders = self._spanned
         if all(r.column("table_angle_deg") is not None for r in self.runs):
-            return [Waves(_waves, range(1, ORDERS + 1))]
-        return [TableWave(k) for k in range(1, ORDERS + 1) if turns(self.runs, axis) or self._seen(axis, k)]
+            return [Waves(partial(_waves, orders=orders), orders)] if orders else []
+        return [TableWave(k) for k in orders if turns(self.runs, axis) or self._seen(axis, k)]
+
+    @cached_property
+    def _spanned(self) -> list[int]:
+        """The orders of which the table turns through most of a period in some run: a small part of a wave is any curve."""
+        turned = max(map(_turned, self.runs))
+        return [k for k in range(1, ORDERS + 1) if k * turned >= LEAST_PERIOD]
 
     @cached_property
     def _spectra(self) -> list[OrderSpectrum]:
@@ -61,6 +71,13 @@ class TableAngle(Variable):
         return terms.of_turns(symbol, "theta")
 
 
-def _waves(run: Run) -> Array:
+def _turned(run: Run) -> float:
+    """How far the table turns in a run, from its lowest to its highest angle, in turns."""
     angle = table_angle_rad(run)
-    return np.column_stack([wave(k * angle) for k in range(1, ORDERS + 1) for wave in (np.cos, np.sin)])
+    known = np.unwrap(angle[np.isfinite(angle)])
+    return float(np.ptp(known)) / (2 * np.pi) if known.size else 0.0
+
+
+def _waves(run: Run, orders: Sequence[int]) -> Array:
+    angle = table_angle_rad(run)
+    return np.column_stack([wave(k * angle) for k in orders for wave in (np.cos, np.sin)])
