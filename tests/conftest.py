@@ -94,11 +94,11 @@ def _known_answers() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def decisions_alone() -> Iterator[None]:
-    """The diagnoses of one file have no probabilities: for a file that asks for decisions and says nothing of probabilities."""
-    from known import without_probabilities
+def tests_alone() -> Iterator[None]:
+    """The diagnoses of one file are without the evidence of sets: for files that ask what the tests of a residual name."""
+    from known import without_evidence
 
-    with without_probabilities():
+    with without_evidence():
         yield
 
 

@@ -26,11 +26,8 @@ from gyrocal.variables.base import variables
 
 
 @contextmanager
-def without_probabilities() -> Iterator[None]:
-    """Within this context, a diagnosis has no probabilities, which cost a third of it and change no decision.
-
-    ``tests/present/test_probability.py`` holds that they change none.
-    """
+def without_evidence() -> Iterator[None]:
+    """Within this context, a diagnosis is that of the tests alone, without the evidence of sets, which costs a third of it."""
 
     def none(found: Sequence[Candidate], *_: Any) -> tuple[list[Candidate], list[OnAxis]]:
         return list(found), []

@@ -5,7 +5,6 @@ import pytest
 
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.probability import with_probabilities
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
@@ -14,7 +13,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Session:
@@ -34,17 +33,6 @@ def test_the_planted_effect_is_named_and_added(effect: str) -> None:
     assert before.pooled.floor_dps == after.pooled.floor_dps
     assert after.verdict == "adequate"
     assert diagnose(session, model).verdict == "adequate"
-
-
-def test_probabilities_change_nothing_but_themselves() -> None:
-    """Files that ask for decisions alone leave them out."""
-    found = diagnose(session_with(["table_ripple"]))
-    told, alternatives = with_probabilities(found.candidates, found.comparison)
-    assert alternatives
-    assert {c.probability for c in found.candidates} == {None}
-    assert any(c.probability is not None for c in told)
-    own = {"probability": None, "checks": None}
-    assert [c.to_json() | own for c in told] == [c.to_json() | own for c in found.candidates]
 
 
 def test_a_wrong_effect_does_not_make_the_error_fall() -> None:

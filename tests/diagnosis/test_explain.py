@@ -21,7 +21,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session_with(effects: list[str], campaign: str = "paper", seed: int = 3, scenarios: int = 6) -> Session:

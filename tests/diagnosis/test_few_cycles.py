@@ -14,7 +14,7 @@ from gyrocal.recording.session import Session
 from known import add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 RATE_HZ, WHITE_DPS, TURN_ON_DPS = 52.0, 0.04, 0.02
 Extra = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

@@ -22,7 +22,7 @@ from gyrocal.variables.terms import hinges
 from known import add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 Array = NDArray[np.float64]
 RATES_DPS = (0.0, 40.0, -60.0, 90.0, -150.0)
 

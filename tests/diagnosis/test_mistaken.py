@@ -17,7 +17,6 @@ from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Array, Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("decisions_alone")
 RATE_HZ = 50.0
 
 

@@ -8,7 +8,6 @@ from gyrocal.effects import base
 from gyrocal.noise.drift import ou_noise
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("decisions_alone")
 RATE_HZ = 100.0
 LEVELS_DPS = (0.0, 30.0, -30.0, 60.0, -60.0)
 

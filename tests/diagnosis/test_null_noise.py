@@ -18,7 +18,7 @@ from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
 from study import study
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tests_alone")]
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from gyrocal.simulation.simulate import simulate
 from known import add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 Planted = dict[str, Array]
 
 

@@ -18,7 +18,7 @@ from gyrocal.simulation.simulate import simulate
 from known import add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 SIZES = {"shaker": (2, 15.0), "swing": (2, 30.0), "chamber": (2, 700.0), "full": (2, 15.0)}
 
 

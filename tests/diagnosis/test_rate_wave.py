@@ -9,7 +9,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tests_alone")]
 RATE_HZ, SECONDS, HIGHEST_DPS = 50.0, 40.0, 150.0
 T_S = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
 

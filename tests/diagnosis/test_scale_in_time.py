@@ -12,7 +12,7 @@ from gyrocal.effects.bias_jumps import follow_the_rate
 from gyrocal.recording.session import Array, Session
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 HZ = 25.0
 Error = Callable[[Array, Array, float], Array]
 """Error [n], deg/s, over the time in the run, that since power-on, and the rate."""

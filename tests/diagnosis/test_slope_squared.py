@@ -8,7 +8,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("decisions_alone")
+pytestmark = pytest.mark.usefixtures("tests_alone")
 
 
 def session(seed: int, of_slope: float = 0.0, of_square: float = 0.0, of_size: float = 0.0) -> Session:

@@ -10,7 +10,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers", "decisions_alone")
+pytestmark = pytest.mark.usefixtures("known_answers")
 RATE_HZ, SECONDS = 100.0, 50.0
 
 

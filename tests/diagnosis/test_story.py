@@ -10,7 +10,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session_of(campaign: str, *effects: str, seed: int = 5) -> Session:

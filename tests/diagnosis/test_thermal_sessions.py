@@ -17,7 +17,7 @@ from gyrocal.inference.fit import fit
 from gyrocal.noise.drift import ou_noise
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("decisions_alone")]
+pytestmark = pytest.mark.slow
 RATE_HZ = 100.0
 SECONDS = 60.0
 K1 = 0.015

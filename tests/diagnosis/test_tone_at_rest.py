@@ -8,7 +8,7 @@ from gyrocal.recording.session import Session
 from known import add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "decisions_alone")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
 def session(seed: int, asymmetry: float = 0.0) -> Session:

@@ -7,7 +7,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("decisions_alone")
+pytestmark = pytest.mark.usefixtures("tests_alone")
 RATE_HZ, TONE_HZ, TONE_DPS = 100.0, 17.3, 0.15
 T_S = np.arange(3000) / RATE_HZ
 

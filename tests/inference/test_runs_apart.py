@@ -15,7 +15,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
-pytestmark = pytest.mark.usefixtures("known_answers", "decisions_alone")
+pytestmark = pytest.mark.usefixtures("known_answers")
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,9 @@ from gyrocal.present.pictures import residual_against
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.base import Symbol, Variable, quantile_edges, symbols, variables
-from gyrocal.variables.shapes import Shape
+from gyrocal.variables.shapes import Shape, Waves
 from gyrocal.web.against import Panel, opened_by, panels
+from make_runs import make_run
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[2]
@@ -148,3 +149,20 @@ def test_no_edge_divides_a_plateau_although_ramps_lead_to_it() -> None:
     values = [level + rng.normal(0, 0.01, number) for level, number in plateaus.items()]
     (edge,) = quantile_edges(np.concatenate([*values, np.linspace(50, 100, 390)]), 3.0, 2)
     assert min(abs(edge - level) for level in plateaus) > 1.0
+
+
+@pytest.mark.parametrize(("swing_deg", "orders"), [(6.0, []), (130.0, [3, 4, 5, 6]), (400.0, [1, 2, 3, 4, 5, 6])])
+@pytest.mark.parametrize("encoder", [True, False])
+def test_a_wave_is_looked_for_where_the_table_turns_through_a_period_of_it(
+    swing_deg: float, orders: list[int], encoder: bool
+) -> None:
+    """A shaft that swings by 6 degrees had 136 dps once per turn."""
+    t_s = np.arange(0, 20, 0.02)
+    angle = swing_deg / 2 * np.sin(2 * np.pi * 0.25 * t_s)
+    rate = np.gradient(angle, t_s)
+    known = {"table_angle_deg": angle} if encoder else {}
+    run = make_run(t_s, np.stack([0 * t_s, 0 * t_s, rate], axis=1), rate_ref_dps=rate, **known)
+    shapes = variables()["table_angle"]([run]).shapes(2)
+    found = [k for shape in shapes for k in (shape.orders if isinstance(shape, Waves) else [shape.order])]
+    assert found == orders
+    assert all(shape.columns(run, 2, {}).shape == (t_s.size, 2 * len(orders)) for shape in shapes if isinstance(shape, Waves))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Sequence
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -18,8 +19,8 @@ from gyrocal.variables.shapes import Shape, TableWave, Waves
 
 FIRST_SIGHT = 0.01
 """Probability under noise above which a wave on an axis across the table's is not tried."""
-WHOLE_TURN_DEG = 360.0
-"""A table whose angle covers less swings, and nothing comes back once per turn."""
+LEAST_PERIOD = 0.75
+"""Part of a period through which the table must turn in some run, so that a wave of it is looked for."""
 ORDERS = 6
 """Largest number of periods per turn that is tested."""
 
@@ -43,11 +44,18 @@ class TableAngle(Variable):
         return np.rad2deg(table_angle_rad(run)) if turned else None
 
     def shapes(self, axis: int) -> list[Shape]:
-        if not any(turns(self.runs, table_axis) for table_axis in range(3)) or not any(map(_goes_round, self.runs)):
+        if not any(turns(self.runs, table_axis) for table_axis in range(3)):
             return []
+        orders = self._spanned
         if all(r.column("table_angle_deg") is not None for r in self.runs):
-            return [Waves(_waves, range(1, ORDERS + 1))]
-        return [TableWave(k) for k in range(1, ORDERS + 1) if turns(self.runs, axis) or self._seen(axis, k)]
+            return [Waves(partial(_waves, orders=orders), orders)] if orders else []
+        return [TableWave(k) for k in orders if turns(self.runs, axis) or self._seen(axis, k)]
+
+    @cached_property
+    def _spanned(self) -> list[int]:
+        """The orders of which the table turns through most of a period in some run: a small part of a wave is any curve."""
+        turned = max(map(_turned, self.runs))
+        return [k for k in range(1, ORDERS + 1) if k * turned >= LEAST_PERIOD]
 
     @cached_property
     def _spectra(self) -> list[OrderSpectrum]:
@@ -63,15 +71,13 @@ class TableAngle(Variable):
         return terms.of_turns(symbol, "theta")
 
 
-def _goes_round(run: Run) -> bool:
-    """True if the table's angle covers a whole turn in a run."""
-    if not (np.any(run.rate_dps) or run.column("table_angle_deg") is not None):
-        return False
-    angle_deg = np.rad2deg(table_angle_rad(run))
-    angle_deg = np.unwrap(angle_deg[np.isfinite(angle_deg)], period=360.0)
-    return angle_deg.size > 0 and float(np.ptp(angle_deg)) >= WHOLE_TURN_DEG
-
-
-def _waves(run: Run) -> Array:
+def _turned(run: Run) -> float:
+    """How far the table turns in a run, from its lowest to its highest angle, in turns."""
     angle = table_angle_rad(run)
-    return np.column_stack([wave(k * angle) for k in range(1, ORDERS + 1) for wave in (np.cos, np.sin)])
+    known = np.unwrap(angle[np.isfinite(angle)])
+    return float(np.ptp(known)) / (2 * np.pi) if known.size else 0.0
+
+
+def _waves(run: Run, orders: Sequence[int]) -> Array:
+    angle = table_angle_rad(run)
+    return np.column_stack([wave(k * angle) for k in orders for wave in (np.cos, np.sin)])

@@ -149,7 +149,9 @@ def not_found(found: DiagnosisView) -> None:
             for title, limits in looked.items():
                 ui.label(f"{title}{': ' * bool(limits)}{'; '.join(sorted(limits))}").classes("small dim")
     if blind:
-        with _folded(f"This recording cannot show ({len(blind)})"):
+        nowhere = len(blind.keys() - {c.judged["effect"] for c in found.cards if c.judged["decision"] != "not_measurable"})
+        some = f", and {len(blind) - nowhere} on some axes only" * (len(blind) > nowhere)
+        with _folded(f"This recording cannot show ({nowhere}{some})"):
             for card, axes in blind.values():
                 ui.label(on_page(f"{card.title} on {', '.join(axes)}: {card.judged['next_measurement']}")).classes("small dim")
 

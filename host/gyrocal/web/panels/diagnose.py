@@ -128,7 +128,7 @@ class DiagnosePanel:
 
     def _sentence(self, found: DiagnosisView) -> None:
         tone = {"adequate": "good"}.get(found.verdict, "bad")
-        with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
+        with ui.element("div").classes(f"face verdict {tone}").style("flex: none"), ui.element("div").classes("column tight"):
             ui.label(on_page(found.sentence)).classes("big").style("font-size: 16px")
             if found.verdict != "adequate":
                 self._held()
@@ -138,6 +138,7 @@ class DiagnosePanel:
     def _explain(self) -> None:
         """The button that adds every effect that is certain, and looks again after each."""
         button = ui.button("Add all that is certain", icon="playlist_add", color=None)
+        button.style("align-self: flex-start")
         self.acts.append(button.props("outline no-caps").on_click(partial(explain_all, self.bench)))
 
     def _held(self) -> None:
