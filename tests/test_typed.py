@@ -106,3 +106,20 @@ def test_record_waits_for_a_port_that_is_not_there_yet(session: str, tmp_path: P
     assert main(["record", "out", "--port", str(link), "--follow", "--wait"]) == 0
     later.join(10)
     assert len(Session.open("out").runs) == 6
+
+
+def test_a_session_at_one_rate_is_told_that_it_has_no_scale(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import numpy as np
+    import polars as pl
+
+    from gyrocal.recording.session import Session
+
+    rng = np.random.default_rng(1)
+    rates = {"gx_dps": 0.2, "gy_dps": -0.1, "gz_dps": 61.5}
+    frames = [
+        pl.DataFrame({"t_s": np.arange(1500) / 100, **{n: m + rng.normal(0, 0.06, 1500) for n, m in rates.items()}})
+        for _ in range(2)
+    ]
+    Session.from_frames(frames, [{"face": "up", "table_rate_dps": 60.0}] * 2, sample_rate_hz=100.0).save(tmp_path / "lab")
+    assert main(["explain", "lab"]) == 0
+    assert "No scale on z: all runs turn at one rate" in capsys.readouterr().out

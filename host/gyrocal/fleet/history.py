@@ -185,4 +185,5 @@ def _random_effects(x: Array, y: Array, se: Array) -> _Fitted:
     variance = max(0.0, (float(weight @ left**2) - freedom) / spent) if freedom > 0 and spent > 0 else 0.0
     weight = 1 / (se**2 + variance)
     cov = np.linalg.inv(x.T @ (weight[:, None] * x))
-    return _Fitted((cov @ (x.T @ (weight * y))).tolist(), cov.astype(np.float64), float(np.sqrt(variance)), freedom)
+    theta = (cov @ (x.T @ (weight * y))).tolist()
+    return _Fitted(theta, np.asarray(cov, dtype=np.float64), float(np.sqrt(variance)), freedom)

@@ -14,6 +14,7 @@ from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.effects.base import Role, with_role
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import Fit
 from gyrocal.present import page, report
@@ -39,11 +40,25 @@ def print_explanation(e: Explanation, session: Path, model: Path | None) -> None
     for one in e.left:
         stdout.print(open_words(one))
     stdout.print(conclusion(e), style="bold")
+    if without := scale_unknown(e):
+        stdout.print(without)
     if e.verdict != "implausible":
         stdout.print(f"{model or report.NOT_KEPT}: {', '.join(e.model.ids)}")
     if e.verdict == "unknown" and not report.unproven(e.last):
         keep = f"gyrocal keep {session} --model {model or 'model.toml'}"
         stdout.print(f"next: {keep} finds a formula for it and keeps it as your own effect")
+
+
+def scale_unknown(e: Explanation) -> str:
+    """A sentence for a session that cannot tell scale from bias on its own axis; empty for any other."""
+    axis = e.last.comparison.fit.session.axis
+    term = e.model.term(with_role(Role.SCALE).id, axis)
+    if term is None or term.values:
+        return ""
+    return (
+        f"No scale on {axis}: all runs turn at one rate, so that scale and bias are one number, and the bias is unsure by what "
+        "the scale may be. Record the other direction or face too, or a rest."
+    )
 
 
 DEG = RateUnit("deg", 1.0, 2)
