@@ -1,5 +1,6 @@
 """A verdict contradicts no figure beside it: a misfit without excess says what it stands on, an adequate one what is left."""
 
+import re
 from typing import Any
 
 import pytest
