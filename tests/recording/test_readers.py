@@ -19,7 +19,8 @@ from gyrocal.recording.importer import read_recording
 N = 300
 START_NS = 1_700_000_000_123_456_789
 T_NS = START_NS + 10_000_000 * np.arange(N)
-GYRO = np.random.default_rng(1).normal(0, 1, (N, 3))
+GYRO = np.random.default_rng(1).normal(0, 0.001, (N, 3))
+"""Rates of a sensor at rest, whose noise is that of readings in rad/s."""
 ACC = np.array([0.0, 0.0, 9.81]) + np.random.default_rng(2).normal(0, 0.01, (N, 3))
 
 
