@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyrocal.inference.design import Mask
 from gyrocal.recording.session import Array
 
 LogLikelihood = Callable[[Array], tuple[float, Array]]
@@ -106,11 +107,11 @@ class _Ascent:
             x, value, slope, before = trial, there, slope_there, length
         return x
 
-    def _free(self, x: Array, slope: Array) -> Array:
+    def _free(self, x: Array, slope: Array) -> Mask:
         """False [k] for coordinates at a bound beyond which the likelihood would rise."""
         return np.asarray(((x > self.low) | (slope > 0)) & ((x < self.high) | (slope < 0)))
 
-    def _information(self, x: Array, slope: Array, free: Array) -> Array:
+    def _information(self, x: Array, slope: Array, free: Mask) -> Array:
         """The negative second derivatives [k, k] of the free coordinates, zero for the others, made positive definite."""
         out = np.zeros((x.size, x.size))
         for j in np.flatnonzero(free)[::-1]:
@@ -122,7 +123,7 @@ class _Ascent:
         values, vectors = np.linalg.eigh((out + out.T) / 2)
         return np.asarray((vectors * np.maximum(np.abs(values), FLAT)) @ vectors.T)
 
-    def _step(self, x: Array, slope: Array, information: Array, free: Array, reach: float) -> Array:
+    def _step(self, x: Array, slope: Array, information: Array, free: Mask, reach: float) -> Array:
         """The step [k] of the free coordinates within bounds and ``reach`` that gains most by the second derivatives."""
         from scipy.optimize import lsq_linear
 
