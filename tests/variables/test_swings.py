@@ -10,7 +10,9 @@ from make_runs import make_run
 T_S = np.arange(4000) / 100.0
 
 
-@pytest.mark.parametrize(("swing_deg", "orders"), [(6.0, []), (40.0, []), (150.0, [2, 3, 4, 5, 6]), (400.0, [1, 2, 3, 4, 5, 6])])
+@pytest.mark.parametrize(
+    ("swing_deg", "orders"), [(6.0, []), (40.0, []), (150.0, [2, 3, 4, 5, 6]), (400.0, [1, 2, 3, 4, 5, 6])]
+)
 def test_a_wave_is_looked_for_where_the_table_turns_through_most_of_its_period(swing_deg: float, orders: list[int]) -> None:
     angle_deg = swing_deg / 2 * np.sin(2 * np.pi * T_S / 5)
     rate_dps = np.gradient(angle_deg, T_S)
