@@ -128,6 +128,7 @@ class Checks(TypedDict):
 
     share: Number
     same_in_parts_p: Number
+    difference: Number
 
 
 class CandidateAnswer(TypedDict):

@@ -17,10 +17,12 @@ def test_a_probability_is_told_as_a_count_of_a_hundred_answers() -> None:
 def test_checks_that_pass_and_fail_are_told_apart() -> None:
     judged = {"probability": 0.9, "checks": {"share": 0.97, "same_in_parts_p": 0.3}}
     assert [name for name, _ in probability_rows(judged)] == ["probability", "its share", "the same in parts"]
-    failed = {"probability": 0.2, "checks": {"share": 0.3, "same_in_parts_p": 1e-6}}
+    failed = {"probability": 0.2, "checks": {"share": 0.2, "same_in_parts_p": 1e-6, "difference": 0.9}}
     rows = dict(probability_rows(failed))
-    assert "less than half" in rows["its share"]
+    assert "so little" in rows["its share"]
     assert "p = 1e-06" in rows["not the same in parts"]
+    hardly = dict(probability_rows({"probability": 0.9, "checks": failed["checks"] | {"difference": 0.3}}))
+    assert "within 30 %" in hardly["the same in parts"]
     assert probability_rows({"probability": None, "checks": None}) == []
     assert probability_rows({"effect": "lag"}) == []  # kept by an earlier version
     assert [name for name, _ in probability_rows({"probability": 0.5, "checks": None})] == ["probability"]
@@ -31,7 +33,7 @@ def test_the_terminal_tells_probability_and_checks_in_one_line() -> None:
         "effect": "warmup", "axis": "z", "probability": 0.958, "checks": {"share": 0.97, "same_in_parts_p": 0.3}
     }  # fmt: skip
     assert sentence(judged) == (
-        "warmup on z: 96 of 100 such answers are right; its share: 97 % of what it and an unnamed rest describe together; the "
+        "warmup on z: 96 of 100 such answers are right; its share: 97 % of what it and a disturbance without a name describe together; the "
         "same in the first and the last half, slow and fast, in both directions, cold and warm, as far as the recordings show "
         "(p = 0.3)."
     )

@@ -109,7 +109,8 @@ class Candidate:
             "next_measurement": self.next_measurement,
             "probability": self.probability,
             "checks": None if self.checks is None else {
-                "share": self.checks.share, "same_in_parts_p": self.checks.same_in_parts_p
+                "share": self.checks.share, "same_in_parts_p": self.checks.same_in_parts_p,
+                "difference": self.checks.difference,
             },
         }  # fmt: skip
 

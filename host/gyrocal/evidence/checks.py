@@ -16,7 +16,7 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.effects.quantities import power_on_time_s, temperature_c, true_rate_dps
-from gyrocal.evidence.checked import Checks
+from gyrocal.evidence.checked import LEAST_SAME, Checks
 from gyrocal.evidence.hypotheses import Option
 from gyrocal.evidence.matrix import Index, Matrix, runs_of
 from gyrocal.evidence.states import integrated, without
@@ -71,7 +71,7 @@ def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str,
         parts += [(effect, part) for part in _parts(matrix, option, term)]
     shares = _shares(scales, weighed)
     chances = _chances(scales, weighed, parts)
-    return {effect: Checks(shares[effect], chances.get(effect)) for effect in effects}
+    return {effect: Checks(shares[effect], *chances.get(effect, (None, 0.0))) for effect in effects}
 
 
 def _shares(scales: Scales, weighed: Weighed) -> dict[str, float]:
@@ -119,10 +119,11 @@ def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
     ]  # fmt: skip
 
 
-def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]]) -> dict[str, float]:
+def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]]) -> dict[str, tuple[float, float]]:
     """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair.
 
-    It is averaged over the states in which the noise may be.
+    It is averaged over the states in which the noise may be. Beside it stands the largest difference that noise does not
+    explain, in parts of the effect's coefficient.
     """
     if not parts:
         return {}
@@ -136,20 +137,24 @@ def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]
     sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
     plain = np.diagonal(_beside(matrix, scales, 0))[columns]
     likeliest = np.argsort(weighed.bare)[::-1][:STATES]
-    chances, shown = np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
+    chances, differences, shown = np.zeros(columns.size), np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
     for state in likeliest.tolist():
         products = integrated(_beside(matrix, scales, state)[None], taken, sd)[0][0]
         norm, variance = np.diagonal(products)[columns], products[0, 0] / scales.states.degrees
         seen = norm > LEAST_SHOWN * plain
         statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)
         chances += weighed.bare[state] * np.array([float(tails.chi_square(s, 1)) for s in statistic])
+        differences += weighed.bare[state] * np.where(seen, np.abs(products[columns, 0]) / np.where(seen, norm, 1.0), 0.0)
         shown |= seen
-    chances /= weighed.bare[likeliest].sum()
-    out: dict[str, float] = {}
+    known = weighed.bare[likeliest].sum()
+    chances, differences = chances / known, differences / known
+    out: dict[str, tuple[float, float]] = {}
     for effect in dict.fromkeys(effect for effect, _ in parts):
         mine = np.array([other == effect for other, _ in parts]) & shown
         if mine.any():
-            out[effect] = min(1.0, float(chances[mine].min()) * int(mine.sum()))
+            count = int(mine.sum())
+            beyond = differences[mine & (chances * count < LEAST_SAME)]
+            out[effect] = min(1.0, float(chances[mine].min()) * count), float(beyond.max(initial=0.0))
     return out
 
 
