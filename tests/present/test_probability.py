@@ -33,7 +33,8 @@ def test_the_terminal_tells_probability_and_checks_in_one_line() -> None:
         "effect": "warmup", "axis": "z", "probability": 0.958, "checks": {"share": 0.97, "same_in_parts_p": 0.3}
     }  # fmt: skip
     assert sentence(judged) == (
-        "warmup on z: 96 of 100 such answers are right; its share: 97 % of what it and a disturbance without a name describe together; the "
+        "warmup on z: 96 of 100 such answers are right; its share: 97 % of "
+        "what it and a disturbance without a name describe together; the "
         "same in the first and the last half, slow and fast, in both directions, cold and warm, as far as the recordings show "
         "(p = 0.3)."
     )
