@@ -40,13 +40,17 @@ Factor = Callable[[Run], Array]
 
 @dataclass(frozen=True)
 class Shape:
-    """A smooth function of one variable, ``against``, alone or times the true rate or its size (``times``)."""
+    """A smooth function of one variable, ``against``, alone or times the true rate or its size (``times``).
+
+    ``line`` [2, COSINES] is what a constant and a line explain of each cosine, if that part is taken out.
+    """
 
     against: str
     values: Callable[[Run], Array | None]
     low: float
     high: float
     times: Factor | None
+    line: Array | None = None
 
     @property
     def count(self) -> int:
@@ -58,7 +62,10 @@ class Shape:
         found = self.values(run)
         if found is None:
             return np.zeros((len(run), COSINES))
-        waves = _cosines(np.clip((found - self.low) / (self.high - self.low), 0.0, 1.0))
+        part = np.clip((found - self.low) / (self.high - self.low), 0.0, 1.0)
+        waves = _cosines(part)
+        if self.line is not None:
+            waves -= self.line[:1].T + self.line[1:].T * part
         if self.times is not None:
             waves *= self.times(run)
         return waves.T
@@ -96,9 +103,21 @@ def shapes(runs: Sequence[Run], axis: int) -> list[Shape]:
         if any(course.size == other.size and np.abs(course - other).max() < THE_SAME for other in seen):
             continue
         seen.append(course)
-        times = (None,) if against in (Rate.name, SLOPE) else (None, *factors)
+        if against == Rate.name:
+            out.append(Shape(against, values, low, high, None, _line(course)))
+            continue
+        times = (None,) if against == SLOPE else (None, *factors)
         out += [Shape(against, values, low, high, t) for t in times]
     return out
+
+
+def _line(course: Array) -> Array:
+    """The constant and the slope [2, COSINES] of each cosine over the course [n] of the rate.
+
+    What is proportional to the rate is no disturbance without a name: it is the scale, or misalignment, by their definition.
+    """
+    line = np.column_stack([np.ones(course.size), course])
+    return np.asarray(np.linalg.lstsq(line, _cosines(course).T, rcond=None)[0])
 
 
 def _factors(runs: Sequence[Run], axis: int) -> list[Factor]:
