@@ -8,7 +8,7 @@ in each part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str,
         term = found[effect] * option.unit
         parts += [(effect, part) for part in _parts(matrix, option, term)]
     shares = _shares(scales, weighed)
-    chances = _chances(scales, weighed, parts)
+    chances = _chances(scales, weighed, found, parts)
     return {effect: Checks(shares[effect], *chances.get(effect, (None, 0.0))) for effect in effects}
 
 
@@ -119,11 +119,13 @@ def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
     ]  # fmt: skip
 
 
-def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]]) -> dict[str, tuple[float, float]]:
+def _chances(
+    scales: Scales, weighed: Weighed, found: Mapping[str, Array], parts: Sequence[tuple[str, _Part]]
+) -> dict[str, tuple[float, float]]:
     """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair.
 
-    It is averaged over the states in which the noise may be. Beside it stands the largest difference that noise does not
-    explain, in parts of the effect's coefficient.
+    It is averaged over the states in which the noise may be. Beside it stands the rms of the largest difference that noise does
+    not explain, in parts of the effect's rms. ``found`` holds the coefficients of the effects.
     """
     if not parts:
         return {}
@@ -135,7 +137,9 @@ def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]
     )
     taken, columns = np.concatenate(matrix.at), np.concatenate(matrix.further)
     sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
-    plain = np.diagonal(_beside(matrix, scales, 0))[columns]
+    white = _beside(matrix, scales, 0)
+    plain = np.diagonal(white)[columns]
+    power = {e: float(found[e] @ white[np.ix_(at, at)] @ found[e]) for e, at in zip(order, matrix.at, strict=True)}
     likeliest = np.argsort(weighed.bare)[::-1][:STATES]
     chances, differences, shown = np.zeros(columns.size), np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
     for state in likeliest.tolist():
@@ -153,8 +157,9 @@ def _chances(scales: Scales, weighed: Weighed, parts: Sequence[tuple[str, _Part]
         mine = np.array([other == effect for other, _ in parts]) & shown
         if mine.any():
             count = int(mine.sum())
-            beyond = differences[mine & (chances * count < LEAST_SAME)]
-            out[effect] = min(1.0, float(chances[mine].min()) * count), float(beyond.max(initial=0.0))
+            beyond = mine & (chances * count < LEAST_SAME)
+            apart = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
+            out[effect] = min(1.0, float(chances[mine].min()) * count), float(apart.max(initial=0.0))
     return out
 
 
