@@ -108,8 +108,18 @@ def test_what_may_be_left_over_is_a_sum_of_cosines() -> None:
     runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=6.0).runs
     found = discrepancy.shapes(runs, 2)
     assert any(shape.times is not None for shape in found)
-    for shape, run in product(found, runs):
+    for shape, run in product((s for s in found if s.against != "rate"), runs):
         part = np.clip((shape.values(run) - shape.low) / (shape.high - shape.low), 0, 1)
         factor = 1.0 if shape.times is None else shape.times(run)
         for k, column in enumerate(shape.columns(run).T, start=1):
             np.testing.assert_allclose(column, np.cos(k * np.pi * part) / k * factor, atol=1e-13)
+
+
+def test_what_may_be_left_over_against_the_rate_has_no_part_in_proportion_to_it() -> None:
+    """That is the scale, or misalignment, by definition: over the session's rates, bending is all that is left."""
+    runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=6.0, rates_dps=(-90.0, -30.0, 0.0, 40.0, 90.0)).runs
+    shape = next(s for s in discrepancy.shapes(runs, 0) if s.against == "rate")
+    columns = np.concatenate([shape.columns(run) for run in runs])
+    rates_dps = np.concatenate([np.full(len(run), run.rate_dps[0]) for run in runs])
+    assert np.abs(columns).max() > 0.1
+    np.testing.assert_allclose(columns.T @ np.column_stack([rates_dps / 90, np.ones(rates_dps.size)]), 0.0, atol=1e-9)

@@ -21,8 +21,8 @@ def test_checks_that_pass_and_fail_are_told_apart() -> None:
     rows = dict(probability_rows(failed))
     assert "so little" in rows["its share"]
     assert "p = 1e-06" in rows["not the same in parts"]
-    hardly = dict(probability_rows({"probability": 0.9, "checks": failed["checks"] | {"difference": 0.3}}))
-    assert "within 30 %" in hardly["the same in parts"]
+    hardly = dict(probability_rows({"probability": 0.9, "checks": failed["checks"] | {"difference": 0.15}}))
+    assert "within 15 %" in hardly["the same in parts"]
     assert probability_rows({"probability": None, "checks": None}) == []
     assert probability_rows({"effect": "lag"}) == []  # kept by an earlier version
     assert [name for name, _ in probability_rows({"probability": 0.5, "checks": None})] == ["probability"]

@@ -17,8 +17,8 @@ work part, no wrong name with log odds beyond 2.2 is below 0.21."""
 @dataclass(frozen=True)
 class Checks:
     """The effect's ``share`` of the power of effect and rest, and the probability that its coefficients in the parts of the
-    data differ as much by chance; None if no part shows it. ``difference`` is the rms of the largest difference that chance does
-    not explain, in parts of the effect's rms; zero if it explains all, None if it is not known.
+    data differ as much by chance; None if no part shows it. ``difference`` is the rms of the largest difference that chance
+    does not explain, in parts of the effect's rms; zero if it explains all, None if it is not known.
     """
 
     share: float

@@ -19,8 +19,8 @@ KNOTS = (
 )  # fmt: skip
 FAILED = 0.5
 NAMED = 0.945
-LEAST_LOG_ODDS = 2.2
-"""Log odds (a probability of 0.9) from which on the evidence supports a name that other tests are sure of."""
+LEAST_LOG_ODDS = 0.0
+"""Log odds from which on the evidence supports a name that other tests are sure of: more probable than not."""
 SURE_LOG_ODDS = 3.0
 """Log odds (a probability of 0.95) from which on the evidence decides between effects that other tests cannot tell apart."""
 
