@@ -152,7 +152,7 @@ def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], mo
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, references, edge, blind"
+    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, references, edge, strangers, blind"
     with pytest.raises(InputError, match=f"there are {there}"):
         benchmark.benchmark("nothing")
 

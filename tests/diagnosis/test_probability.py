@@ -24,7 +24,8 @@ def decisions(*candidates: Candidate, failing: str = "z") -> dict[str, tuple[str
 
 
 def test_a_name_without_support_is_suggested() -> None:
-    for one in (candidate("drift", "add", 1.0), candidate("drift", "add", 30.0, FAILED), candidate("drift", "add", -5.0, None)):
+    for log_odds, checks in ((-0.5, PASSED), (30.0, FAILED), (-5.0, None)):
+        one = candidate("drift", "add", log_odds, checks)
         assert decisions(one) == {"drift": ("suggest", ())}
 
 

@@ -342,7 +342,7 @@ def _temperature(imu: int, heard: Heard) -> Check:
     lsb_c, zero_c = heard.real("lsb_c"), heard.real("zero_c")
     mean_c = math.nan if lsb_c is None or zero_c is None else zero_c + lsb_c * float(_counts(heard)[:, 6].mean())
     ok = TEMP_C[0] <= mean_c <= TEMP_C[1]
-    return Check("temperature", ok, f"{mean_c:.1f} degC", "" if ok else "power the sensor off and on, or replace it", imu)
+    return Check("temperature", ok, f"{mean_c:.1f} °C", "" if ok else "power the sensor off and on, or replace it", imu)
 
 
 def _board(imu: int, heard: Heard) -> list[Check]:

@@ -20,12 +20,13 @@ from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import significant
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
-from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.evidence import added_parameters, judge
 from gyrocal.diagnosis.sets import choose, overlapping, without
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
 from gyrocal.shown import Shown
@@ -285,8 +286,10 @@ def _without_needless(
         effect = base.effects().get(effect_id)
         if effect is None or effect.fast or effect_id in step.removed or (axis, effect_id) in dropped:
             return False
-        stripped = without(Current.of(last.comparison, axis), [effect_id])
-        return judge(stripped, effect, unless=0.0).chance * tested >= POLICY.name_alarm
+        whole = last.comparison.fit.axes[axis]
+        rest = without(Current.of(last.comparison, axis), [effect_id]).fit
+        chance = likelihood_ratio(rest, whole, max(1, added_parameters(rest, whole)))[1]
+        return effect.looks([b.run for b in whole.design.blocks], whole.design.axis) * chance * tested >= POLICY.name_alarm
 
     drop = {(axis, i) for axis in step.axes for i in added.get(axis, []) if needless(axis, i)}
     if not drop:
