@@ -8,8 +8,7 @@ import numpy as np
 
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.maximise import maximise
-from gyrocal.inference.reml import Equations, Slopes, Spreads, SpreadScale, fit_spreads, unknown_spreads
+from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, maximise, unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
 
@@ -17,14 +16,12 @@ LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
 BELOW, ABOVE = 0.2, 3.0
 """Logarithms of the ratios by which the white level may be below and above its start: colour raises it."""
-NO_DRIFT = 1e-3
-"""A drift whose growth is below this fraction of its unit moves the mean of no run; it counts as none."""
 LEAST_BENDS = 30
 """Second differences of block means from which on they show the noise."""
 FAST_S = 20.0
 """Correlation time of the faster drift with which a search begins, s."""
-STEP = 1e-3
-"""Step of logarithms, either side, over which the derivatives of the normal equations are taken."""
+STEP = 1e-5
+"""Step of logarithms for numerical gradients, far above the rounding of the likelihood."""
 
 
 def white_start(design: Design) -> float:
@@ -142,7 +139,7 @@ class NoiseScale:
         slow_s = max(SLOW_S, 5 * block_s)
         least = 1 / max(4 * slow_s, 5 * longest_s)
         if _drifts(design):
-            bounds.append((NO_DRIFT, float(np.log1p((150 * white0) ** 2 / SLOW_S / unit))))
+            bounds.append((NO_SPREAD, float(np.log1p((150 * white0) ** 2 / SLOW_S / unit))))
             bounds.append((float(np.log(2 * least)), float(np.log(1 / slow_s + least))))
         return NoiseScale(white0, unit, least, tuple(bounds), _beside_known_drift(design, white0))
 
@@ -171,20 +168,6 @@ class NoiseScale:
         return Noise(times * self.white_sd_dps, sd_dps, tau_s)
 
 
-    def near(self, x: Array) -> tuple[list[Noise], Array]:
-        """Noises whose drift grows by ``exp(STEP)`` and ``exp(-STEP)`` times that at coordinates [1 or 3], and whose rate is.
-
-        With them the derivatives [0 or 2] of the logarithms of growth and rate by the coordinates.
-        """
-        if not self.drift:
-            return [], np.zeros(0)
-        noise, ratios = self.noise(x), (float(np.exp(STEP)), float(np.exp(-STEP)))
-        sd_dps, tau_s = noise.ou_sd_dps, noise.ou_tau_s
-        grown = [replace(noise, ou_sd_dps=sd_dps * by**0.5) for by in ratios]
-        faster = [replace(noise, ou_sd_dps=sd_dps / by**0.5, ou_tau_s=tau_s / by) for by in ratios]
-        return grown + faster, np.array([-1 / np.expm1(-x[1]), 1 / (1 - self.slowest_per_s * np.exp(-x[2]))])
-
-
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """The noise of a design by REML: white level, drift and spreads together.
 
@@ -198,10 +181,10 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), spreads.run.size
     scale = SpreadScale.of(design, design.grams(first)[0] if start is None else start.grams)
-    cache: dict[bytes, tuple[Array, Array, Slopes | None]] = {}
+    cache: dict[bytes, tuple[Array, Array]] = {}
 
-    def equations_at(of_drift: Array) -> tuple[Array, Array, Slopes | None]:
-        """Normal equations, log-determinants and their slopes at coordinates [0 or 2] of the drift.
+    def grams_near(of_drift: Array) -> tuple[Array, Array]:
+        """Normal equations and log-determinants at coordinates [0 or 2] of the drift, and a step of each of them away.
 
         They are those of the first white level; another one scales them.
         """
@@ -209,36 +192,37 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         if key not in cache:
             if len(cache) > 8:
                 cache.clear()
-            x = np.concatenate([[log_white0], of_drift])
-            noises, per_log = noise_scale.near(x)
-            grams, logdet = design.grams_near(noise_scale.noise(x), noises)
-            by_log = Slopes((grams[1::2] - grams[2::2]) / (2 * STEP), (logdet[1::2] - logdet[2::2]).sum(axis=1) / (2 * STEP))
-            slopes = Slopes(by_log.grams * per_log[:, None, None, None], by_log.logdet * per_log) if m > 1 else None
-            cache[key] = grams[0], logdet[0], slopes
+            noise, *others = (
+                noise_scale.noise(np.concatenate([[log_white0], of_drift + step]))
+                for step in STEP * np.eye(m, m - 1, -1)
+            )
+            cache[key] = design.grams_near(noise, others)
         return cache[key]
+
+    def equations(grams: Array, logdet: Array) -> Equations:
+        return Equations(design.layout, grams, logdet, design.scenarios, n)
 
     def loglik(x: Array) -> tuple[float, Array]:
         sd, log_times = scale.spreads(x[m:]), float(x[0] - log_white0)
         spreads = Spreads(sd[:k], sd[k:])
-        grams, logdet, along = equations_at(x[1:m])
-        factor = np.exp(-2 * log_times)
-        grams, logdet = grams * factor, logdet + 2 * log_times * design.n_blocks
-        along = along and Slopes(along.grams * factor, along.logdet)
-        solution, slopes = equations(grams, logdet).solve_with_slopes(spreads, along)
+        grams, logdet = grams_near(x[1:m])
+        grams, logdet = grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
+        solution, slopes = equations(grams[0], logdet[0]).solve_with_slopes(spreads)
         # all noise and all spreads times exp(a) multiply chi-square by exp(-2a) and the determinant by exp(2a (n - p))
-        of_drift, of_spreads = slopes[: m - 1], slopes[m - 1 :]
-        of_white = solution.chi2 - (n - solution.beta.size) - float(of_spreads.sum())
-        return solution.loglik, np.concatenate([[of_white], of_drift, scale.slopes(x[m:], of_spreads)])
-
-    def equations(grams: Array, logdet: Array) -> Equations:
-        return Equations(design.layout, grams, logdet, design.scenarios, n)
+        of_noise = [solution.chi2 - (n - solution.beta.size) - float(slopes.sum())]
+        if m > 1 and np.isfinite(solution.loglik):
+            beyond = equations(grams[1:], logdet[1:]).logliks(spreads)
+            of_noise += ((beyond - solution.loglik) / STEP).tolist()
+        elif m > 1:  # a corner in which rounding leaves no likelihood
+            of_noise += [0.0] * (m - 1)
+        return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
 
     begin = np.concatenate([
         noise_scale.coordinates(first), scale.coordinates(np.concatenate([spreads.run, spreads.scenario]))
     ])  # fmt: skip
     x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds])
     noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])
-    if noise_scale.drift and x[1] < 2 * NO_DRIFT:
+    if noise_scale.drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)
     grams, logdet = design.grams(noise)
     spreads = Spreads(sd[:k], sd[k:])

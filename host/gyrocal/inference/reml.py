@@ -8,6 +8,7 @@ Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -16,12 +17,15 @@ import numpy as np
 from gyrocal.effects.base import Role
 from gyrocal.inference.design import Design
 from gyrocal.inference.layout import Layout
-from gyrocal.inference.maximise import maximise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
+TOLERANCE = 1e-3
+"""A search for noise and spreads ends when a step gains less log-likelihood."""
+FIRST_STEP = 0.5
+"""Length of the first step of a search in its coordinates, which are logarithms of ratios."""
 NO_SPREAD = 1e-6
 """A variance below this fraction of the variance with which one run determines the coefficient counts as zero."""
 LARGEST_SPREAD: dict[Role | None, float] = {
@@ -173,14 +177,6 @@ class _Solved:
         return Solution(float(self.loglik), self.beta, self.cov, float(self.chi2))
 
 
-@dataclass(frozen=True)
-class Slopes:
-    """Derivatives of the normal equations ``grams`` [o, runs, q, q] and of their summed log-determinant [o] by o parameters."""
-
-    grams: Array
-    logdet: Array
-
-
 class Equations:
     """The normal equations of ``n`` blocks in all, prepared for solving them at one set of spreads after another.
 
@@ -234,25 +230,22 @@ class Equations:
         loglik = -0.5 * (logdet + shared.logdet + shared.chi2 + (self.n - p) * np.log(2 * np.pi))
         return _Solved(loglik, shared.beta, shared.cov, shared.chi2, grams, of_runs, of_scenarios)
 
-    def solve_with_slopes(self, spreads: Spreads, along: Slopes | None = None) -> tuple[Solution, Array]:
-        """The solution, and the derivatives of its log-likelihood: those ``along`` other parameters, then those by the
-        logarithm of each spread, of runs first.
+    def solve_with_slopes(self, spreads: Spreads) -> tuple[Solution, Array]:
+        """The solution, and the derivatives of its log-likelihood by the logarithm of each spread, those of runs first.
 
-        By Fisher's identity they are expectations over the coefficients given the readings. By a spread it is the sum of
-        E[v^2 | y] - 1 over the coefficients that share it, where v is the coefficient divided by its spread. Along a change of
-        the normal equations it is half of what the residual's expected square and the determinant lose.
+        By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is
+        the coefficient divided by its spread.
         """
         layout, p, solved = self.layout, self._keep.size - 1, self._solved(spreads)
         slope_run, slope_scenario = np.zeros(spreads.run.size), np.zeros(spreads.scenario.size)
-        slope_along = np.zeros(0 if along is None else along.logdet.size)
         if not np.isfinite(solved.loglik):
-            return solved.solution, np.concatenate([slope_along, slope_run, slope_scenario])
+            return solved.solution, np.concatenate([slope_run, slope_scenario])
         beta, cov = solved.beta, solved.cov
         center, spread = np.broadcast_to(beta, (1, p)), cov[None]
-        of_scenarios = solved.of_scenarios
+        of_scenarios, cycles = solved.of_scenarios, solved.grams.shape[0]
         if of_scenarios is not None:
             slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
-            cycles = len(of_scenarios.root)
+        if of_scenarios is not None and solved.of_runs is not None:
             pull = np.zeros((cycles, p, 1 + p))  # the coefficients of a power cycle: beta plus their random part
             pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
             own = np.eye(p) - pull[:, :, 1:]
@@ -264,32 +257,7 @@ class Equations:
             spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
         if solved.of_runs is not None:
             np.add.at(slope_run, list(layout.run_group), _slopes(solved.of_runs, center, spread).sum(axis=0))
-        if along is not None:
-            square = self._expected_square(along.grams, solved.of_runs, spreads, center, spread)
-            slope_along = -0.5 * (along.logdet + square)
-        return solved.solution, np.concatenate([slope_along, slope_run, slope_scenario])
-
-    def _expected_square(
-        self, forms: Array, of_runs: Integrated | None, spreads: Spreads, center: Array, spread: Array
-    ) -> Array:
-        """``E[c' form c | y]`` summed over the runs [o], for ``forms`` [o, runs, q, q], with ``c = (1, -coefficients)``.
-
-        ``center`` and ``spread`` are mean and covariance of the coefficients of a run that it shares with others.
-        """
-        keep, runs = self._keep, forms.shape[1]
-        shared = np.zeros((runs, keep.size, keep.size))  # E[c c'] of the shared columns
-        c = np.concatenate([np.ones((len(center), 1)), -center], axis=1)
-        shared[:] = c[:, :, None] * c[:, None, :]
-        shared[:, 1:, 1:] += spread
-        if of_runs is None:
-            return np.einsum("oiab,iab->o", forms, shared, optimize=True)
-        sd = spreads.run[list(self.layout.run_group)]
-        turn = np.zeros((runs, forms.shape[-1], keep.size))  # c from the shared columns' part of it
-        turn[:, keep, keep] = 1.0
-        turn[:, keep.size :] = -sd[:, None] * of_runs.weights
-        moments = turn @ shared @ turn.swapaxes(-1, -2)
-        moments[:, keep.size :, keep.size :] += sd[:, None] * of_runs.inverse * sd
-        return np.einsum("oiab,iab->o", forms, moments, optimize=True)
+        return solved.solution, np.concatenate([slope_run, slope_scenario])
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
@@ -356,6 +324,28 @@ class SpreadScale:
     def bounds(self) -> list[tuple[float, float]]:
         """Lower and upper bound of each coordinate."""
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
+
+
+def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]]) -> Array:
+    """The coordinates of the maximum of a log-likelihood, which is given with its derivatives.
+
+    L-BFGS-B goes the whole gradient in its first step if every coordinate is bounded. The gradient of a log-likelihood grows
+    with the data, so that step would end in a corner of the bounds. The cost is therefore scaled to a gradient of
+    ``FIRST_STEP``.
+    """
+    from scipy.optimize import minimize
+
+    first = loglik(x0)
+    value, slope = first
+    scale = FIRST_STEP / max(float(np.linalg.norm(slope)), FIRST_STEP) if np.isfinite(value) else 1.0
+
+    def cost(x: Array) -> tuple[float, Array]:
+        value, slope = first if np.array_equal(x, x0) else loglik(x)  # the search looks at its start again
+        return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
+
+    enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
+    found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": enough})
+    return np.asarray(found.x)
 
 
 def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads:
