@@ -50,10 +50,10 @@ def print_explanation(e: Explanation, session: Path, model: Path | None) -> None
 
 
 def scale_unknown(e: Explanation) -> str:
-    """A sentence for a session that cannot tell scale from bias on its own axis; empty for any other."""
-    axis = e.last.comparison.fit.session.axis
-    term = e.model.term(with_role(Role.SCALE).id, axis)
-    if term is None or term.values:
+    """A sentence for a session that turns and cannot tell scale from bias on its own axis; empty for any other."""
+    session = e.last.comparison.fit.session
+    axis, term = session.axis, e.model.term(with_role(Role.SCALE).id, session.axis)
+    if term is None or term.values or not any(np.any(run.rate_dps) for run in session.runs):
         return ""
     return (
         f"No scale on {axis}: all runs turn at one rate, so that scale and bias are one number, and the bias is unsure by what "
