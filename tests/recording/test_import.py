@@ -182,7 +182,7 @@ def test_facts_come_by_pattern_and_an_angle_takes_the_place_of_a_rate(rows: np.n
         ("x", "up", 0.0, None, "s000", None, None),
         ("x", "down", 0.0, None, "s000", None, None),
         ("x", "up", None, 360.0, "s000", None, None),
-        ("z", "up", 5.0, None, "s001", 3, 2.5),
+        ("y", "up", 5.0, None, "s001", 3, 2.5),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,14 @@ SELDOM = 0.02
 """Part of the other readings that repeat the one before on every axis, above which repeating is usual."""
 
 
-def repeated(t_s: Array, readings: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """The samples [n] of readings [n, k] that a hung sensor repeated; the first of each stretch is a reading."""
-    same = np.concatenate([[False], np.all(np.diff(readings, axis=0) == 0, axis=1)])
+def repeated(t_s: Array, readings: Sequence[Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """The samples [n] of the ``readings`` [n] of each axis that a hung sensor repeated; the first of a stretch is a reading."""
+    same = np.ones(t_s.size, dtype=bool)
+    same[:1] = False
+    for axis in readings:
+        same[1:] &= axis[1:] == axis[:-1]
     hung = np.zeros(t_s.size, dtype=bool)
-    varied = np.ptp(readings, axis=0) > 0
-    if not varied.any():
+    if not any(np.ptp(axis) > 0 for axis in readings):
         return hung
     for first, length in zip(*stretches(same), strict=True):
         if length >= LEAST_SAMPLES and t_s[first + length - 1] - t_s[first - 1] >= LEAST_S:
@@ -34,7 +37,7 @@ def repeated(t_s: Array, readings: Array) -> np.ndarray[Any, np.dtype[np.bool_]]
 def without_hung(columns: dict[str, Array], file: str) -> tuple[dict[str, Array], Warning | None]:
     """The columns of a run without the samples that a hung sensor repeated, with a warning that says which they are."""
     readings = [columns[name] for name in REQUIRED[1:] if name in columns]
-    hung = repeated(columns["t_s"], np.column_stack(readings))
+    hung = repeated(columns["t_s"], readings)
     if not hung.any():
         return columns, None
     first, length = stretches(hung)

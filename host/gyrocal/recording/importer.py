@@ -255,7 +255,7 @@ def _run(
         t_s, lambda place: source.row(table.row(start + place)), file,
         lambda place: f"take the rows before it by --run NAME:{table.row(start)}:{table.row(start + place)}, or number the "
         "samples with --rate-hz and no t_s",
-        np.column_stack([columns[name] for name in REQUIRED[1:] if name in columns]),
+        [columns[name] for name in REQUIRED[1:] if name in columns],
     )  # fmt: skip
     if warning is not None:
         warn(warning)

@@ -6,7 +6,7 @@ neighbours, by the cubic through them: over the stamps, and over the samples' nu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,9 +68,12 @@ def _errors(times: Array, readings: Array, inside: np.ndarray[Any, np.dtype[np.b
         return np.asarray(np.sum(total**2, axis=1) / noise)
 
 
-def _replaced(t_s: Array, readings: Array | None) -> str:
+def _replaced(t_s: Array, columns: Sequence[Array]) -> str:
     """Why stamps [n], s, are to be replaced, in words; empty if they are the times of the samples."""
-    bursts, least_s = in_bursts(t_s), step_range_s(t_s)[0]
+    least_s, largest_s = step_range_s(t_s)
+    if 0 < largest_s <= (1 + UNEVEN) * least_s:
+        return ""  # even; nothing of the length of the recording is made
+    bursts, readings = in_bursts(t_s), np.column_stack(columns) if columns else None
     if bursts and (least_s <= 0 or readings is None):
         return "the times repeat or come in bursts, "
     if readings is None or t_s.size < FEWEST or least_s <= 0:
@@ -92,12 +95,12 @@ def _replaced(t_s: Array, readings: Array | None) -> str:
 def even(
     t_s: Array, where: Callable[[int], str], file: str,
     advice: Callable[[int], str] = lambda _: "delete what is not part of it",
-    readings: Array | None = None,
+    readings: Sequence[Array] = (),
 ) -> tuple[Array, Warning | None]:  # fmt: skip
     """Times [n], s: unchanged, or by regression with a warning if a host stamped an even sampler unevenly.
 
-    ``where`` names a sample, and ``advice`` says what to do where the times go back at it. ``readings`` [n, k] tell whether
-    uneven stamps are right.
+    ``where`` names a sample, and ``advice`` says what to do where the times go back at it. ``readings`` [n] of each axis tell
+    whether uneven stamps are right.
     """
     what = _replaced(t_s, readings)
     if not what:
