@@ -1,4 +1,4 @@
-"""Files and functions stay of a size that a reader takes in: 400 lines of Python, 500 of C, 60 of a function."""
+"""Functions stay of a size that a reader takes in, 60 lines. A file holds one concept; 600 lines are no longer one."""
 
 import ast
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("host", "model_export", "firmware", "benchmarks", "tests")
-LINES_OF = {".py": 400, ".c": 500, ".h": 500, ".cpp": 500}
+LINES_OF = dict.fromkeys((".py", ".c", ".h", ".cpp"), 600)
 FUNCTION_LINES = 60
 
 

@@ -14,7 +14,7 @@ HINTS = {
     "help": "did you mean --help?",
     "diagnosis s": "did you mean diagnose?",
     "calibrate": "Missing argument 'SESSION'. See: gyrocal calibrate --help",
-    "compare s --loud": "No such option: --loud See: gyrocal compare --help",
+    "compare s --zebra": "No such option: --zebra See: gyrocal compare --help",
     "diagnose s --model": "requires an argument",
     "calibrate s --seconds 2;4": "several with commas",
     "calibrate s --seconds 60": "ask for less with --seconds",

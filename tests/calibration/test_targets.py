@@ -291,7 +291,7 @@ def test_the_bias_polynomial_is_shifted_exactly() -> None:
 def test_the_command_and_its_refusals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     planted().save(tmp_path / "m.toml")
     common = ["export", "--model", str(tmp_path / "m.toml"), "--out", str(tmp_path / "out")]
-    for name in targets():
+    for name in (name for name in targets() if name != "imu_tk"):  # which wants an accelerometer
         vehicle = ["--device-id", str(DEVICE_ID)] if name in ("px4", "ardupilot") else []
         assert main([*common, "--format", name, "--rate-hz", "145", *vehicle, "--json"]) == 0
         told = json.loads(capsys.readouterr().out)

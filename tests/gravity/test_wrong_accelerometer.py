@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from tests.by_hand import turned_by
 
+from by_hand import turned_by
 from gyrocal.gravity.calibrate import calibrate
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session

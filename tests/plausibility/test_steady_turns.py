@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.make_runs import make_run, make_session
 
 from gyrocal.plausibility import check
+from make_runs import make_run, make_session
 
 T_S = np.arange(6000) / 100.0
 RNG = np.random.default_rng(0)

@@ -20,6 +20,7 @@ NO_THRESHOLDS = {
     "HARMONICS", "LEAST", "LARGEST_NOISE",  # terms of the error of rounding that are small enough to be left out
     "RATE_UNIT_DPS",  # a unit
     "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART", "PPM", "PERCENT", "MOST_PLACES",  # units
+    "DAYS_A_YEAR",  # a unit
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
     "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search

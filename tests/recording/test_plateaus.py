@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.real_recordings import recording
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
@@ -14,6 +13,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
 from gyrocal.recording.session import Session
+from real_recordings import recording
 
 HZ = 100
 RNG = np.random.default_rng(0)

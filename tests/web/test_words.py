@@ -66,7 +66,7 @@ def test_a_loss_on_unseen_data_is_not_told_as_a_negative_gain(gain: float, told:
 
 def test_a_finding_above_the_excess_says_why_it_can_be() -> None:
     where = [{"axis": "y", "note": f"rms {rate_text(0.142)}, in the shape of: hysteresis"}]
-    assert "the floor holds" in above_excess(where, {"y": {"excess_dps": 0.062}})
+    assert "the floor contains" in above_excess(where, {"y": {"excess_dps": 0.062}})
     assert above_excess(where, {"y": {"excess_dps": 0.2}}) == above_excess([], {}) == ""
     wave = [{"axis": "y", "note": "142 mdps once per turn, of the same phase in each run"}]  # an amplitude
     assert above_excess(wave, {"y": {"excess_dps": 0.1}}) == ""

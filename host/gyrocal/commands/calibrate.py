@@ -1,11 +1,16 @@
 """``gyrocal calibrate``."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gyrocal.commands import AsJson, OneAxis, OwnEffects, SessionFolder, want_axis
+
+if TYPE_CHECKING:
+    from gyrocal.calibration.calibrate import Estimate
+    from gyrocal.warning import Warning
 
 
 def run(
@@ -31,15 +36,10 @@ def run(
     """
     from gyrocal.calibration.beyond import beyond_of_calibration
     from gyrocal.calibration.calibrate import calibrate, unanswered
-    from gyrocal.calibration.flags import FLAGS
-    from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
     from gyrocal.errors import InputError
     from gyrocal.extras import lacking
     from gyrocal.plausibility import check
-    from gyrocal.present.budget import print_budget
-    from gyrocal.present.output import emit, stderr, stdout, table
-    from gyrocal.present.report import print_warnings
-    from gyrocal.present.taken import cell
+    from gyrocal.present.output import emit, stderr
     from gyrocal.recording.session import Session
 
     try:
@@ -64,8 +64,7 @@ def run(
         show_calibration(opened, spans, methods, model, as_json, axis)
         return
     warnings = check(opened, model)
-    found = calibrate(opened, spans, methods, model, warnings)
-    found = [e for e in found if axis in (None, e.axis)]
+    found = [e for e in calibrate(opened, spans, methods, model, warnings) if axis in (None, e.axis)]
     warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
     if method is None and lacking("net") and any(e.method == "baseline" for e in found):
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
@@ -73,6 +72,18 @@ def run(
         budget = [row for e in found for row in e.budget_json()]
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
+    _show(found, warnings)
+
+
+def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:
+    """Print the estimates as a table, with the meaning of their flags and their budget."""
+    from gyrocal.calibration.flags import FLAGS
+    from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+    from gyrocal.present.budget import print_budget
+    from gyrocal.present.output import stdout, table
+    from gyrocal.present.report import print_warnings
+    from gyrocal.present.taken import cell
+
     print_warnings(warnings)
     unit = unit_of(e.bias_dps for e in found)
     rows = [

@@ -1,11 +1,14 @@
 """``gyrocal device``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gyrocal.commands import AsJson
+
+if TYPE_CHECKING:
+    from gyrocal.recording.session import Session
 
 
 def run(
@@ -52,19 +55,13 @@ def run(
     from gyrocal.device import simulated as device
     from gyrocal.device.faults import faults as listed
     from gyrocal.errors import InputError
-    from gyrocal.recording.session import Session
 
     if "list" in (fault or []):
         print(listed(), end="")
         return
-    if session is not None and effects:
-        raise InputError("--effect is for a simulated scenario; it does not go with --session")
     if stream not in ("raw", "off"):
         raise InputError(f"--stream {stream}: want raw or off")
-    if session is not None:
-        source = [Session.open(session)] * sensors
-    else:
-        source = [device.simulated_scenario(effects or (), seed + k) for k in range(sensors)]
+    source = _source(session, effects or [], sensors, seed)
     _end_by_signals()
     wanted = _wanted(fault, faults, fifo)
     simulated = device.SimulatedDevice(
@@ -73,6 +70,19 @@ def run(
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)
         simulated.wait()
+
+
+def _source(session: Path | None, effects: list[str], sensors: int, seed: int) -> "list[Session]":
+    """What each sensor replays: the session, or a simulated scenario of its own."""
+    from gyrocal.device import simulated
+    from gyrocal.errors import InputError
+    from gyrocal.recording.session import Session
+
+    if session is None:
+        return [simulated.simulated_scenario(effects, seed + k) for k in range(sensors)]
+    if effects:
+        raise InputError("--effect is for a simulated scenario; it does not go with --session")
+    return [Session.open(session)] * sensors
 
 
 def _wanted(fault: list[str] | None, faults: str | None, fifo: int) -> list[str]:

@@ -36,7 +36,7 @@ class AccelerometerModel:
 
     @staticmethod
     def of(matrix: Array, matrix_se: Array, bias_g: Array, bias_se_g: Array, white_sd_g: Array) -> AccelerometerModel:
-        """From arrays, rounded to the digits that a file keeps."""
+        """From matrices [3, 3], biases [3] and noise [3], g, rounded to the digits that a file keeps."""
         bias, bias_se, white = (tuple(map(_rounded, v)) for v in (bias_g, bias_se_g, white_sd_g))
         rows, rows_se = (tuple(tuple(map(_rounded, row)) for row in m) for m in (matrix, matrix_se))
         return AccelerometerModel(rows, rows_se, bias, bias_se, white)

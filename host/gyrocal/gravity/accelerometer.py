@@ -21,10 +21,6 @@ ENTRIES = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """Entries of M that are free, in the order of the parameters; the three biases follow."""
 PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
 """Prior standard deviations: a few percent in scale and angle (MPU-6050 datasheet: +-3 %, +-2 %), 0.1 g in bias."""
-WIDER = 5.0
-"""Factor on these for an accelerometer whose scale is wrong."""
-SIZES_G = (0.1, 3.0)
-"""Sizes of an acceleration at rest that are in no other unit, g."""
 LEAST_NOISE_G = 2e-5
 ITERATIONS = 30
 
@@ -88,13 +84,13 @@ def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
     means = np.array([r.acc_g for r in rests])
     sizes = np.linalg.norm(means, axis=1)
     size, off = float(np.median(sizes)), POLICY.gravity_size_g
-    if not SIZES_G[0] < size < SIZES_G[1]:
+    if not POLICY.smallest_gravity_g < size < POLICY.largest_gravity_g:
         raise InputError(
             f"the acceleration at rest is {size:.4g}, and gravity is 1 g; give its unit when importing "
             "(--map ax_g=COLUMN:m/s2), or the scale of raw counts"
         )
     wrong = abs(size - 1) > off or float(np.std(sizes)) > off * size
-    prior = (size, WIDER * size * PRIOR_SD) if wrong else (1.0, PRIOR_SD)
+    prior = (size, POLICY.wrong_accelerometer * size * PRIOR_SD) if wrong else (1.0, PRIOR_SD)
     extra_g = 0.0
     for _ in range(3):
         noise_g = np.maximum(np.hypot(white_g, extra_g), LEAST_NOISE_G)

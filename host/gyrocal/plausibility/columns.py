@@ -13,8 +13,6 @@ from gyrocal.recording.stamps import in_bursts, period_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
-STILL_S, STILL_PART = 0.4, 0.3
-"""Length of the windows, s, and the part of them in which a sensor in a hand turns least."""
 
 
 def check(session: Session, moved: Set[str | None] = frozenset()) -> list[Warning]:
@@ -64,7 +62,7 @@ def _by_hand(session: Session) -> list[Warning]:
     """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations where it turned least."""
     means, spreads = [], []
     for run in session.runs:
-        size = max(2, round(STILL_S * run.sample_rate_hz))
+        size = max(2, round(POLICY.still_s * run.sample_rate_hz))
         count = len(run) // size
         if run.acc_g is None or not count:
             continue
@@ -73,7 +71,7 @@ def _by_hand(session: Session) -> list[Warning]:
     if not means:
         return []
     spread, norms = np.concatenate(spreads), np.linalg.norm(np.concatenate(means), axis=1)
-    norms = norms[(spread <= np.quantile(spread, STILL_PART)) & np.isfinite(norms)]
+    norms = norms[(spread <= np.quantile(spread, POLICY.still_part)) & np.isfinite(norms)]
     if not norms.size:
         return []
     low, middle, high = np.quantile(norms, [0.05, 0.5, 0.95])

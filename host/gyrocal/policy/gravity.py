@@ -59,11 +59,34 @@ class Gravity:
         8.0, "standard deviations of the rests by which the mean rate must also deviate for the rest to be left out",
         larger="a sensor that turns about gravity counts as a rest", smaller="ordinary scatter removes rests", chosen_by=RESTS,
     )  # fmt: skip
+    still_s: float = threshold(
+        0.4, "length of the pieces of a recording by hand of which the stillest are taken for rests, s",
+        larger="short rests are missed", smaller="noise decides which pieces are still", chosen_by="chosen by judgement",
+    )  # fmt: skip
+    still_part: float = threshold(
+        0.3, "part of these pieces that is taken for rests", larger="movements count", smaller="one pose stands for all",
+        chosen_by="pytest tests/gravity/test_wrong_accelerometer.py",
+    )  # fmt: skip
     gravity_size_g: float = threshold(
         0.1, "deviation of the median acceleration at rest from 1 g, and spread of its size over the poses, from which on the "
         "accelerometer's scale and bias are taken from the rests, with little trust in those that it states, g",
         larger="wrong scales bend the directions of gravity", smaller="few poses leave the directions of gravity open",
         chosen_by="the warning accel_unit has the same limit; pytest tests/gravity/test_wrong_accelerometer.py",
+    )  # fmt: skip
+    wrong_accelerometer: float = threshold(
+        5.0, "factor on the prior errors of scale and bias of an accelerometer whose scale is wrong",
+        larger="few poses leave the directions of gravity open", smaller="wrong scales bend the directions of gravity",
+        chosen_by="pytest tests/gravity/test_wrong_accelerometer.py",
+    )  # fmt: skip
+    smallest_gravity_g: float = threshold(
+        0.1, "size of the acceleration at rest below which the column is in another unit, g",
+        larger="an accelerometer of a wrong scale is refused", smaller="columns in another unit are taken for g",
+        chosen_by="public loggers are off by up to a factor of 4; chosen by judgement",
+    )  # fmt: skip
+    largest_gravity_g: float = threshold(
+        3.0, "size of the acceleration at rest above which the column is in another unit, g",
+        larger="columns in m/s2 are taken for g", smaller="an accelerometer of a wrong scale is refused",
+        chosen_by="1 g is 9.8 m/s2; chosen by judgement",
     )  # fmt: skip
 
     # Calibration
