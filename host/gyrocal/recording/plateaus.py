@@ -29,6 +29,8 @@ MARGIN_S = 0.25
 """What a known turn keeps of the rests about it, s."""
 MOST = 24
 """Plateaus above which a recording is a movement by hand, and no sequence of runs."""
+PART = 128
+"""Windows that are looked at at a time, because memory for all costs more than they."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,14 @@ class Plateau:
         return int(np.argmax(np.abs(self.mean_dps)))
 
 
-def find(t_s: Array, gyro_dps: Array) -> list[Plateau]:
-    """The plateaus of readings [n, k], deg/s, at increasing times [n], s."""
+def find(t_s: Array, gyro_dps: Sequence[Array]) -> list[Plateau]:
+    """The plateaus of the readings [n] of each axis, deg/s, at increasing times [n], s."""
     size = max(4, round(WINDOW_S * (t_s.size - 1) / max(float(t_s[-1] - t_s[0]), 1e-9)))
     count = t_s.size // size
     if count < 4:
         return []
-    windows = gyro_dps[: count * size].reshape(count, size, -1)
-    means = windows.mean(axis=1)
-    noise = np.sqrt(np.median(np.mean(np.diff(windows, 2, axis=1) ** 2, axis=1), axis=0) / 6 / size)
+    means, bends = (np.column_stack(found) for found in zip(*(_windows(axis, size, count) for axis in gyro_dps), strict=True))
+    noise = np.sqrt(np.median(bends, axis=0) / 6 / size)
     allowed = np.maximum(STEP_DPS, STEP_ERRORS * noise) + STEP_PART * np.abs(means[1:])
     joined = np.all(np.abs(np.diff(means, axis=0)) < allowed, axis=1)
     found = []
@@ -69,9 +70,20 @@ def find(t_s: Array, gyro_dps: Array) -> list[Plateau]:
         seconds = float(t_s[stop - 1] - t_s[start])
         if seconds >= LEAST_REST_S:
             mean = np.zeros(len(AXES))
-            mean[: gyro_dps.shape[1]] = gyro_dps[start:stop].mean(axis=0)
+            mean[: len(gyro_dps)] = [axis[start:stop].mean() for axis in gyro_dps]
             found.append(Plateau(start, stop, float(t_s[start] - t_s[0]), float(t_s[stop - 1] - t_s[0]), mean))
     return found
+
+
+def _windows(readings: Array, size: int, count: int) -> tuple[Array, Array]:
+    """The mean [count] and the mean square of second differences [count] of windows of readings [n], some at a time."""
+    means, bends = np.empty(count), np.empty(count)
+    for first in range(0, count, PART):
+        last = min(first + PART, count)
+        windows = readings[first * size : last * size].reshape(last - first, size)
+        means[first:last] = windows.mean(axis=1)
+        bends[first:last] = np.mean(np.diff(windows, 2, axis=1) ** 2, axis=1)
+    return means, bends
 
 
 def _groups(joined: np.ndarray[Any, np.dtype[np.bool_]], means: Array, allowed: Array) -> list[tuple[int, int]]:
@@ -130,7 +142,7 @@ def cut(label: str, columns: Mapping[str, Array], whole: Cut) -> list[Cut]:
     gyro = [columns[f"g{a}_dps"] for a in AXES if f"g{a}_dps" in columns]
     if t_s.size < 2 or step_range_s(t_s)[0] <= 0 or len(gyro) < len(AXES):
         return [whole]
-    found = find(t_s, np.column_stack(gyro))
+    found = find(t_s, gyro)
     if whole.meta.get("turn_deg") is not None:
         return about_a_turn(found, whole.name, whole.meta, t_s.size) or [whole]
     several, rate_dps = of_several_rates(found), whole.meta.get("table_rate_dps")
