@@ -20,7 +20,7 @@ LEAST_BENDS = 30
 """Second differences of block means from which on they show the noise."""
 FAST_S = 20.0
 """Correlation time of the faster drift with which a search begins, s."""
-STEP = 1e-5
+STEP = 1e-4
 """Step of logarithms for numerical gradients, far above the rounding of the likelihood."""
 
 
