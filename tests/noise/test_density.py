@@ -65,6 +65,6 @@ def test_the_noise_of_a_fit_is_that_of_allantools(
         chance = 1 / np.sqrt(2 * t_s[-1] / tau_s)
         assert np.all(np.abs(model_deviation(tau_s, found, RATE_HZ) / theirs - 1) < 0.03 + 2.5 * chance)
         largest = max(largest, float(theirs[0] * tau_s[0] ** 0.5))
-    text = kalibr.render(fitted.model, RATE_HZ).text
+    text = kalibr.render(fitted.model, RATE_HZ, 1.0).text
     written = next(line for line in text.splitlines() if line.startswith("gyroscope_noise_density"))
     assert float(written.split()[1]) == pytest.approx(np.deg2rad(largest), rel=0.08)
