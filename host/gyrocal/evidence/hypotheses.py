@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -22,6 +22,12 @@ LARGEST = 10.0
 """Sizes of up to this many times the largest typical one are in physical range."""
 SMALLEST = 0.1
 """Sizes down to this part of the smallest typical one are expected: a long recording shows what a data sheet does not list."""
+
+
+def _slope(of: Callable[[Values], Array], values: Values, name: str) -> Array:
+    """The slope of a function of parameters by the logarithm of one of them."""
+    high, low = (of({**values, name: values[name] * np.exp(step)}) for step in (SLOPE, -SLOPE))
+    return np.asarray((high - low) / (2 * SLOPE))
 
 
 class Form(Protocol):
@@ -74,11 +80,7 @@ class Option:
         found = self.effect.columns(run, axis, self.values)
         if not self.slope_of:
             return found
-        high, low = (
-            self.effect.columns(run, axis, {**self.values, self.slope_of: self.values[self.slope_of] * np.exp(step)})
-            for step in (SLOPE, -SLOPE)
-        )
-        return np.column_stack([found, (high - low) / (2 * SLOPE)])
+        return np.column_stack([found, _slope(lambda v: self.effect.columns(run, axis, v), self.values, self.slope_of)])
 
     def noise(self, run: Run, axis: int, samples: float) -> tuple[Array, float] | None:
         """The noise of the columns' means over ``samples`` samples, as :meth:`gyrocal.effects.base.Effect.noise`."""
@@ -146,11 +148,7 @@ class OfTerm:
 
     def columns(self, run: Run, axis: int) -> Array:
         """The change [n, 1] of the term in a run, deg/s for a change of the parameter by its own size."""
-        high, low = (
-            self.effect.term(run, axis, {**self.values, self.name: self.values[self.name] * np.exp(step)})
-            for step in (SLOPE, -SLOPE)
-        )
-        return np.asarray((high - low) / (2 * SLOPE))[:, None]
+        return _slope(lambda v: self.effect.term(run, axis, v), self.values, self.name)[:, None]
 
     def noise(self, run: Run, axis: int, samples: float) -> None:
         """It is neglected."""
@@ -160,8 +158,7 @@ def of_terms(terms: Sequence[Term], runs: Sequence[Run]) -> list[OfTerm]:
     """The slopes of the slow terms whose size all runs share, as far as their nonlinear parameters are positive sizes."""
 
     def shared(effect: Effect) -> bool:
-        slow = not effect.fast and not isinstance(effect, TimingEffect)
-        return slow and (effect.scope_in(runs) == "session" or effect.common_mean)
+        return not effect.fast and not isinstance(effect, TimingEffect) and _of_all_runs(effect, runs)
 
     return [
         OfTerm(t.effect, t.values, name)
@@ -180,6 +177,11 @@ def judged(effect: Effect, runs: Sequence[Run], axis: int) -> bool:
     """True if the evidence can be computed for an effect: one that is slow, and whose size all runs share."""
     if effect.role is not None or effect.fast or effect.fault is not None or effect.missing(runs, axis) is not None:
         return False
+    return _of_all_runs(effect, runs)
+
+
+def _of_all_runs(effect: Effect, runs: Sequence[Run]) -> bool:
+    """True if all runs share the size of an effect, or its mean."""
     return effect.scope_in(runs) == "session" or effect.common_mean
 
 

@@ -297,11 +297,16 @@ class Scales:
         power = self.matrix.noise_power[:, at].sum(axis=0) / self.states.noises[state].white_sd_dps ** 2
         if not power.any():
             return 0.0
-        products = self.states.products[state]
-        found = sd * np.linalg.solve(np.eye(at.size) + sd[:, None] * products[np.ix_(at, at)] * sd, sd * products[at, 0])
-        chi2 = float(_conditioned(products, at, sd)[0][0, 0])
+        found = self._expected(state, at, sd)
+        chi2 = float(_conditioned(self.states.products[state], at, sd)[0][0, 0])
         without = max(chi2 - float(power @ found**2), LEAST_OF_NOISE * chi2)
         return float(0.5 * self.states.degrees * np.log(chi2 / without))
+
+    def _expected(self, state: int, at: Index, sd: Array) -> Array:
+        """The expected coefficients [c] of columns with standard deviations [c], in one state."""
+        products = self.states.products[state]
+        information = np.eye(at.size) + sd[:, None] * products[np.ix_(at, at)] * sd
+        return np.asarray(sd * np.linalg.solve(information, sd * products[at, 0]))
 
     def chi2(self, weighed: Weighed) -> float:
         """What a set leaves of the readings in its likeliest state, in the variance of the expected noise."""
@@ -318,9 +323,7 @@ class Scales:
     def coefficients(self, weighed: Weighed, state: int, rest: Rest | None) -> dict[str, Array]:
         """The expected coefficients of each effect in units of its columns, in one state; the key of the rest is ``""``."""
         at, sd = self._columns(weighed.forms, rest)
-        products = self.states.products[state]
-        information = np.eye(at.size) + sd[:, None] * products[np.ix_(at, at)] * sd
-        found = sd * np.linalg.solve(information, sd * products[at, 0])
+        found = self._expected(state, at, sd)
         out, first = {}, 0
         for effect, (option, _) in weighed.forms.items():
             count = self.matrix.at[option].size
