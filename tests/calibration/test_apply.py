@@ -91,7 +91,7 @@ def test_the_command(days: tuple[Model, Path], tmp_path: Path, capsys: pytest.Ca
     arguments = ["apply", str(tmp_path / "rests"), "--model", str(tmp_path / "m.toml"), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--bias", "rest:2", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert set(told) == {"rows", "applied", "left", "outside", "warnings"}
+    assert set(told) == {"rows", "applied", "left", "outside", "accelerometer", "warnings"}
     assert all(set(one) == {"effect", "why"} for one in told["left"])
     assert main(arguments) == 2
     assert "exists already" in capsys.readouterr().err

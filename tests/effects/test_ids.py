@@ -29,7 +29,9 @@ ALLOWED = {
         for target, names in {
             "base": ("scale", "bias", "misalignment", "bias_temperature"), "kalibr": ("colored_noise",),
             "px4": ("bias", "bias_temperature"), "ardupilot": ("bias", "bias_temperature"), "c": ("misalignment",),
-            "ros2": ("scale", "bias", "misalignment", "colored_noise"),
+            "ros2": ("scale", "bias", "misalignment", "colored_noise"), "slam": ("colored_noise",),
+            "imu_tk": ("scale", "bias", "misalignment"),
+            "vqf": ("scale", "bias", "misalignment", "turn_on_bias", "colored_noise"),
         }.items() for name in names
     },
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",

@@ -75,7 +75,7 @@ def test_rests_that_it_was_not_fitted_to_are_corrected(
     assert early is not None
     half = replace(model, accelerometer=Scene.of(first[0].with_runs([early])).accelerometer_model)
     half.save(tmp_path / "m.toml")
-    words = ["apply", str(first[0].folder), "--model", str(tmp_path / "m.toml"), "-o", str(tmp_path / "out")]
+    words = ["apply", str(first[0].path), "--model", str(tmp_path / "m.toml"), "-o", str(tmp_path / "out")]
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["accelerometer"] is True
     done = Session.open(tmp_path / "out").runs[0]
@@ -86,11 +86,12 @@ def test_rests_that_it_was_not_fitted_to_are_corrected(
     )
     assert np.abs(raw).max() > 0.02
     assert np.sqrt(np.mean(corrected**2)) < 0.001
-    assert half.correct(run.table).select(ACCELERATIONS).equals(done.table.select(ACCELERATIONS))
+    written = done.table.select(ACCELERATIONS).to_numpy()  # with as many digits as a session's tables have
+    assert half.correct(run.table).select(ACCELERATIONS).to_numpy() == pytest.approx(written, abs=1e-6)
 
 
 def test_calibrate_and_compare_tell_it(first: tuple[Session, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(first[0].folder)
+    folder = str(first[0].path)
     for verb in ("calibrate", "compare"):
         assert main([verb, folder, "--json"]) == 0
         told = json.loads(capsys.readouterr().out)["accelerometer"]

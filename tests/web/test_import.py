@@ -97,7 +97,7 @@ def test_the_wizard_writes_the_session_that_was_shown(
     page.locator("input[type=file]").first.set_input_files(foreign / "rates.csv")
     runs = page.get_by_role("group", name="runs of the file")
     runs.get_by_text("These 2 stretches can be its runs").wait_for()
-    assert "run 000_up: its true rate is not known" in becomes.inner_text()
+    assert "rates.csv: its true rate is not known" in becomes.inner_text()
     for rate, field in zip((0, 78), runs.get_by_label("table rate from").all(), strict=True):
         field.fill(str(rate))
     page.get_by_role("button", name="Look again").click()

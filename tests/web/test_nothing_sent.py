@@ -13,9 +13,9 @@ import pytest
 
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.server import POLICY
-from watched import FONTS, Watched
+from watched import FONTS, ONE_THREAD, Watched
 
-from .conftest import ONE_THREAD, patience_s
+from .conftest import patience_s
 
 EXTERNAL = re.compile(r"""["'(=](?:https?:|wss?:)?//(?!www\.w3\.org/|127\.0\.0\.1:)[\w.-]+""")
 """An address of another host that a page could fetch something from. Those of w3.org are names of formats."""

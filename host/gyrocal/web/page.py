@@ -221,10 +221,13 @@ class Tab:
             if self._mode.value is None and dark != self.dark:  # else the user has chosen one while the answer was on its way
                 self._set_dark(dark)
 
-    def _toggle_dark(self) -> None:
-        self._mode.value = not self.dark
-        ui.run_javascript(KEEP_DARK % (not self.dark, not self.dark))
-        self._set_dark(not self.dark)
+    async def _toggle_dark(self) -> None:
+        """The choice is kept first: whoever sees the page change may leave it at once."""
+        wanted = not self.dark
+        with contextlib.suppress(TimeoutError):  # the tab was closed meanwhile
+            await ui.run_javascript(KEEP_DARK % (wanted, wanted), timeout=5.0)
+        self._mode.value = wanted
+        self._set_dark(wanted)
 
     def _set_dark(self, dark: bool) -> None:
         """Draw the charts of the panel in the colours of the mode; what the user chose on it stays."""
