@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
+from gyrocal.effects.bias_jumps import jumps, outliers_of
 from gyrocal.error_model.correction import correct
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
@@ -222,6 +223,18 @@ def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, off
     assert np.rad2deg((Rotation.from_matrix(found.registration.matrix) * turn.inv()).magnitude()) < 0.1
     assert found.registration.offset_s == pytest.approx(offset_s, abs=2e-4)
     assert (found.mirrored, found.alternatives_s) == (False, ())
+
+
+def test_nothing_stands_out_and_nothing_jumps_where_the_reference_has_ended() -> None:
+    """The readings of the last 1.9 s have no reference, whose last value is no true rate of theirs."""
+    rng = np.random.default_rng(3)
+    gyro = motion(T_S + 1.9) + rng.normal(0, 0.02, (T_S.size, 3))
+    found = registered(with_reference(gyro, **rates(motion(T_S))))
+    for axis, name in enumerate("xyz"):
+        run = found.runs[0].about(name)
+        assert not run.reached[-90:].any()
+        assert not np.any(outliers_of(run, axis))
+        assert jumps(run, axis) == []
 
 
 def test_a_reference_later_than_two_seconds_is_refused_with_its_shift() -> None:

@@ -122,7 +122,11 @@ def _finite(value: float | None) -> float | None:
 BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 
-def best_first(candidate: Candidate) -> tuple[int, float, int, str]:
-    """The key of the order in which candidates are given; among equals it does not depend on the order of the library."""
+def best_first(candidate: Candidate) -> tuple[int, bool, float, int, str]:
+    """The key of the order in which candidates are given; among equals it does not depend on the order of the library.
+
+    A sure name comes before effects that cannot be told from each other.
+    """
     gain = -np.inf if candidate.gain is None else candidate.gain
-    return BEST_FIRST.index(candidate.decision), -gain, AXES.index(candidate.axis), candidate.effect.id
+    rivals = candidate.decision == "add" and not candidate.named
+    return BEST_FIRST.index(candidate.decision), rivals, -gain, AXES.index(candidate.axis), candidate.effect.id

@@ -44,7 +44,7 @@ class Diagnosis(Shown):
 
     @property
     def best(self) -> Candidate | None:
-        """The first candidate that may be added, or None."""
+        """The first candidate that may be added, a sure one before those that cannot be told apart, or None."""
         return next((c for c in self.candidates if c.decision == "add"), None)
 
     def to_json(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def verdict_on(comparison: Compared, judged: Sequence[Candidate]) -> str:
     if comparison.implausible:
         return "implausible"
     if judged and judged[0].decision == "add":
-        return "ambiguous" if len(judged[0].group) > 1 else "add"
+        return "add" if judged[0].named else "ambiguous"
     return "unknown" if comparison.where else "adequate"
 
 

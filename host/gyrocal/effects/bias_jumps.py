@@ -56,7 +56,8 @@ def _searched(runs: Sequence[Run], axis: int) -> list[tuple[int, float]]:
     (run,) = runs
     if run.rate_is_mean:
         return []
-    y = _without_swing(reading_error_dps(run, axis), run.rate_dps, run.duration_s)
+    known = np.flatnonzero(run.reached)
+    y = _without_swing(reading_error_dps(run, axis)[known], run.rate_dps[known], run.duration_s)
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
@@ -67,7 +68,7 @@ def _searched(runs: Sequence[Run], axis: int) -> list[tuple[int, float]]:
     found: list[tuple[int, float]] = []
     while len(found) < MOST and score.max(initial=0.0) > STANDS_OUT:
         k = int(np.argmax(score))
-        found.append((k + width, float(after[k] - before[k]) / width))
+        found.append((int(known[k + width]), float(after[k] - before[k]) / width))
         score[max(0, k - width) : k + width] = 0.0
     return sorted(found)
 
@@ -261,7 +262,8 @@ class _SingleReadings(ReadingFault):
         if found.size < 2:
             return None
         steady = [r for r in runs if not r.rate_is_mean]
-        chance = chance_of([reading_error_dps(r, axis) for r in steady], max(float(r.step_dps[axis]) for r in steady))
+        errors_dps = [reading_error_dps(r, axis)[r.reached] for r in steady]
+        chance = chance_of(errors_dps, max(float(r.step_dps[axis]) for r in steady))
         if chance > SHOWN:
             return None
         values = {

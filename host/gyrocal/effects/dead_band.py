@@ -133,9 +133,11 @@ def _smoothed_dps(runs: Sequence[Run], axis: int, width_dps: float) -> float:
 def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
     """Rows [k] of one run's outliers and their deviations [k], deg/s, without the readings that a dead band set to zero.
 
-    ``y_dps`` [n] is measured minus true or modelled rate about the axis.
+    ``y_dps`` [n] is measured minus true or modelled rate about the axis. Where the reference was not recorded there is none.
     """
-    rows, apart_dps = outliers(y_dps, run.step_dps[axis])
+    known = np.flatnonzero(run.reached)
+    rows, apart_dps = outliers(y_dps[known], run.step_dps[axis])
+    rows = known[rows]
     if not rows.size or axis != run.axis_index or run.rate_is_mean:
         return rows, apart_dps
     scores = _scores([run], axis)
