@@ -15,8 +15,8 @@ WAVE, OTHER = np.sin(np.linspace(0, 9, 40)), np.cos(np.linspace(0, 9, 40))
 
 
 def candidate(id_: str, decision: Any, log_odds: float | None, checks: Checks | None = PASSED, **more: Any) -> Candidate:
-    known: dict[str, Any] = {"gain": 20.0, "gain_se": 3.0, "signal": WAVE} | more
-    return Candidate(effect(id_), "z", decision, log_odds=log_odds, checks=checks, **known)
+    known: dict[str, Any] = {"axis": "z", "gain": 20.0, "gain_se": 3.0, "signal": WAVE} | more
+    return Candidate(effect(id_), decision=decision, log_odds=log_odds, checks=checks, **known)
 
 
 def decisions(*candidates: Candidate, failing: str = "z") -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -24,7 +24,7 @@ def decisions(*candidates: Candidate, failing: str = "z") -> dict[str, tuple[str
 
 
 def test_a_name_without_support_is_suggested() -> None:
-    for log_odds, checks in ((-0.5, PASSED), (30.0, FAILED), (-5.0, None)):
+    for log_odds, checks in ((2.5, PASSED), (30.0, FAILED), (-5.0, None)):
         one = candidate("drift", "add", log_odds, checks)
         assert decisions(one) == {"drift": ("suggest", ())}
 
@@ -63,6 +63,17 @@ def test_beside_a_name_of_the_tests_the_evidence_names_nothing_more() -> None:
     """It was not asked whether the suggestion still gains with the name in the model."""
     told = decisions(candidate("drift", "add", 9.0), candidate("scale_nonlinearity", "suggest", 6.0))
     assert told == {"drift": ("add", ()), "scale_nonlinearity": ("suggest", ())}
+
+
+def test_a_doubted_name_is_not_in_the_way_of_a_sure_one() -> None:
+    told = decisions(candidate("drift", "add", 0.5), candidate("scale_nonlinearity", "suggest", 6.0))
+    assert told == {"drift": ("suggest", ()), "scale_nonlinearity": ("add", ())}
+
+
+def test_a_sure_name_stands_before_rivals_that_cannot_be_told_apart() -> None:
+    group = ("lag", "clock_error")
+    rivals = [candidate(id_, "add", 1.0, group=group, gain=90.0, axis="x") for id_ in group]
+    assert [c.effect.id for c in decided([*rivals, candidate("drift", "add", 6.0, gain=4.0)], {"z"})] == ["drift", *group[::-1]]
 
 
 def test_names_stand_before_suggestions() -> None:

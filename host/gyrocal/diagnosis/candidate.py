@@ -71,14 +71,14 @@ class Candidate:
         return None if self.log_odds is None else curve.stated(self.log_odds, self.checks, self.named)
 
     @property
-    def supported(self) -> bool:
-        """True if the evidence of sets supports the effect, or cannot judge it."""
-        return self.log_odds is None or curve.supported(self.log_odds, self.checks)
+    def sure(self) -> bool:
+        """True if the evidence of sets is sure of the effect."""
+        return self.log_odds is not None and curve.sure(self.log_odds, self.checks)
 
     @property
-    def sure(self) -> bool:
-        """True if the evidence of sets alone is sure of the effect."""
-        return self.log_odds is not None and curve.sure(self.log_odds, self.checks)
+    def doubted(self) -> bool:
+        """True if the evidence of sets can judge the effect, and is not sure of it."""
+        return self.log_odds is not None and not self.sure
 
     def __repr__(self) -> str:
         gain = "" if self.gain is None else f", held-out gain {self.gain:.3g}"

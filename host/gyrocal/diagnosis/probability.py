@@ -73,16 +73,16 @@ def with_probabilities(
 def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidate]:
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
-    A sure name that the evidence does not support is suggested. On an axis that is known to fail (``failing``) and on which the
-    tests name nothing, an effect that they suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has
-    weighed all these rivals, and none of them has the same shape.
+    A sure name of the tests that the evidence can judge and is not sure of is suggested. On an axis that is known to fail
+    (``failing``) and has no other name, an effect that the tests suggest, or cannot tell from its rivals, is named if the
+    evidence is sure of it, has weighed all these rivals, and none of them has the same shape.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
 
     def told_apart(c: Candidate, rival: Candidate | None) -> bool:
         return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
 
-    sure = {c.axis for c in candidates if c.named}
+    sure = {c.axis for c in candidates if c.named and not c.doubted}
 
     def named(c: Candidate) -> bool:
         alone = all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
@@ -96,7 +96,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
         key = c.effect.id, c.axis
         if key in found:
             c = replace(c, decision="add", group=())
-        elif (c.named and not c.supported) or (c.decision == "add" and key in settled):
+        elif (c.named and c.doubted) or (c.decision == "add" and key in settled):
             c = replace(c, decision="suggest", group=())
         out.append(c)
     return sorted(out, key=best_first)
