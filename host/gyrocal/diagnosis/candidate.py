@@ -52,6 +52,8 @@ class Candidate:
 
     log_odds: float | None = None
     """Logarithm of the odds of the sets that hold the effect, as if the world outside them had one of the rests' shapes."""
+    group_log_odds: float | None = None
+    """The same of the sets that hold at least one effect of ``group``; None if it has no rivals or one cannot be judged."""
     checks: Checks | None = None
     """Its two checks; None if it does not lead."""
     contradicted: bool = False
@@ -77,7 +79,9 @@ class Candidate:
 
     @property
     def doubted(self) -> bool:
-        """True if the evidence of sets can judge the effect, and is not sure of it."""
+        """True if the evidence of sets can judge the effect, or that one of its group acts, and is not sure of it."""
+        if len(self.group) > 1:
+            return self.group_log_odds is not None and not curve.sure(self.group_log_odds, None)
         return self.log_odds is not None and not self.sure
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@ from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import in_range
 from gyrocal.diagnosis.rivals import cosine
 from gyrocal.evidence import hypotheses
-from gyrocal.evidence.answer import Alternative, Evidence, weigh
+from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
 from gyrocal.evidence.curve import stated
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
@@ -32,13 +32,17 @@ class OnAxis:
     axis: str
     found: Alternative
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def probability(self) -> float:
+        """The probability as it is stated."""
         from scipy.special import logit
 
+        return stated(float(logit(min(self.found.probability, 1 - 1e-12))))
+
+    def to_json(self) -> dict[str, Any]:
         found = self.found
         return {
-            "axis": self.axis, "effects": list(found.effects), "unnamed": list(found.unnamed),
-            "probability": stated(float(logit(min(found.probability, 1 - 1e-12)))),
+            "axis": self.axis, "effects": list(found.effects), "unnamed": list(found.unnamed), "probability": self.probability,
         }  # fmt: skip
 
 
@@ -64,16 +68,18 @@ def with_probabilities(
         found = evidence.get(c.axis)
         if found is not None and c.effect.id in found.log_odds:
             log_odds, checks = found.log_odds[c.effect.id], found.checks.get(c.effect.id)
-            c = replace(c, log_odds=log_odds, checks=checks)
+            of_group = found.of_any(c.group) if len(c.group) > 1 else None
+            c = replace(c, log_odds=log_odds, checks=checks, group_log_odds=of_group)
         out.append(c)
-    alternatives = [OnAxis(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
-    return out, alternatives
+    sets = [OnAxis(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
+    return out, [one for one in sets if one.probability >= TOLD]
 
 
 def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidate]:
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
-    A sure name of the tests that the evidence can judge and is not sure of is suggested. On an axis that is known to fail
+    A sure name of the tests that the evidence can judge and is not sure of is suggested, and so are rivals of which it is not
+    sure that any acts, or one of which fails a check. On an axis that is known to fail
     (``failing``) and has no other name, an effect that the tests suggest, or cannot tell from its rivals, is named if the
     evidence is sure of it, has weighed all these rivals, and none of them has the same shape.
     """
@@ -81,6 +87,9 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
 
     def told_apart(c: Candidate, rival: Candidate | None) -> bool:
         return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
+
+    def unlike(c: Candidate) -> bool:
+        return c.doubted or (c.checks is not None and not c.checks.passed)
 
     sure = {c.axis for c in candidates if c.named and not c.doubted}
 
@@ -91,12 +100,13 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
 
     found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
     settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
+    settled |= {(id_, c.axis) for c in candidates if c.decision == "add" and len(c.group) > 1 and unlike(c) for id_ in c.group}
     out = []
     for c in candidates:
         key = c.effect.id, c.axis
         if key in found:
             c = replace(c, decision="add", group=())
-        elif (c.named and c.doubted) or (c.decision == "add" and key in settled):
+        elif c.decision == "add" and (c.doubted or key in settled):
             c = replace(c, decision="suggest", group=())
         out.append(c)
     return sorted(out, key=best_first)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, elapsed_s, stack
-from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
+from gyrocal.effects.quantities import cycle_time_s, in_one_power_cycle
 from gyrocal.recording.session import Array, Run
 
 ONE_CYCLE = (
@@ -51,8 +51,7 @@ class Drift(Effect):
         return run.power_on_s is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        p_s = power_on_time_s(run)
-        return stack(elapsed_s(run) if p_s is None else p_s)
+        return stack(cycle_time_s(run))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         k = values["k_dps_per_s"]

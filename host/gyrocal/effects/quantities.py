@@ -88,6 +88,15 @@ def power_on_time_s(run: Run) -> Array | None:
     return None if run.power_on_s is None else run.power_on_s + elapsed_s(run)
 
 
+def cycle_time_s(run: Run) -> Array:
+    """Time since power-on, shape [n], s, but for a constant of the power cycle.
+
+    Where it is not recorded, the runs of the cycle are taken to follow each other without a pause.
+    """
+    since_s = power_on_time_s(run)
+    return elapsed_s(run) + run.earlier_s if since_s is None else since_s
+
+
 def in_one_power_cycle(runs: Sequence[Run]) -> bool:
     """True if the runs that know their time since power-on are of one power cycle, which cannot show that anything repeats."""
     return len({run.scenario for run in runs if run.power_on_s is not None}) == 1

@@ -41,18 +41,6 @@ class Alternative:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """The evidence on one axis: that of every effect that could be judged, the checks of those that lead, and the sets that
-    explain the axis together.
-    """
-
-    log_odds: Mapping[str, float]
-    """Logarithm of the probability of the sets that hold an effect over that of the sets without it."""
-    checks: Mapping[str, Checks]
-    alternatives: tuple[Alternative, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _Weighing:
     """One search with its result: the sets and the logarithms [sets] of their probabilities in the two forms of what is left
     over.
@@ -79,17 +67,18 @@ class _Weighing:
     @cached_property
     def log_odds(self) -> dict[str, float]:
         """For each effect, the logarithm of the odds of the sets that hold it: the smaller one of the two forms."""
+        return {effect: self.of_any([effect]) for effect in self.scales.of_effect}
+
+    def of_any(self, effects: Sequence[str]) -> float:
+        """The logarithm of the odds of the sets that hold at least one of some effects: the smaller one of the two forms."""
         from scipy.special import logsumexp
 
-        def of(effect: str) -> float:
-            held = np.array([effect in w.effects for w in self.sets])
-            if not held.any():
-                return -NEGLIGIBLE
-            if held.all():
-                return NEGLIGIBLE
-            return min(float(logsumexp(form[held]) - logsumexp(form[~held])) for form in self.forms)
-
-        return {effect: of(effect) for effect in self.scales.of_effect}
+        held = np.array([not w.effects.isdisjoint(effects) for w in self.sets])
+        if not held.any():
+            return -NEGLIGIBLE
+        if held.all():
+            return NEGLIGIBLE
+        return min(float(logsumexp(form[held]) - logsumexp(form[~held])) for form in self.forms)
 
     def leads(self, effect: str) -> bool:
         """True if an effect is probable enough to be looked at more closely."""
@@ -99,6 +88,23 @@ class _Weighing:
     def best(self) -> Weighed:
         """The likeliest set."""
         return self.sets[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The evidence on one axis: that of every effect that could be judged, the checks of those that lead, and the sets that
+    explain the axis together.
+    """
+
+    log_odds: Mapping[str, float]
+    """Logarithm of the probability of the sets that hold an effect over that of the sets without it."""
+    checks: Mapping[str, Checks]
+    alternatives: tuple[Alternative, ...]
+    weighing: _Weighing
+
+    def of_any(self, effects: Sequence[str]) -> float | None:
+        """Logarithm of the odds that at least one of these effects acts; None if one of them was not judged."""
+        return self.weighing.of_any(effects) if set(effects) <= set(self.log_odds) else None
 
 
 def weigh(fit: AxisFit, present: Sequence[str]) -> Evidence | None:
@@ -119,7 +125,7 @@ def weigh(fit: AxisFit, present: Sequence[str]) -> Evidence | None:
         found = _Weighing.of(finer)
     assert found is not None
     leading = [e for e in sorted(found.best.effects) if found.leads(e)]
-    return Evidence(found.log_odds, check(found.scales, found.best, leading), _alternatives(found))
+    return Evidence(found.log_odds, check(found.scales, found.best, leading), _alternatives(found), found)
 
 
 def _finer(found: _Weighing) -> Matrix | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
-from gyrocal.effects.quantities import power_on_time_s, temperature_c, true_rate_dps
+from gyrocal.effects.quantities import cycle_time_s, temperature_c, true_rate_dps
 from gyrocal.evidence.checked import LEAST_SAME, Checks
 from gyrocal.evidence.hypotheses import Option
 from gyrocal.evidence.matrix import Index, Matrix, runs_of
@@ -113,7 +113,7 @@ def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
         return of
 
     return [
-        above(elapsed_s), above(lambda run: np.abs(true_rate_dps(run))), above(temperature_c), above(power_on_time_s),
+        above(elapsed_s), above(lambda run: np.abs(true_rate_dps(run))), above(temperature_c), above(cycle_time_s),
         lambda run: (true_rate_dps(run) > 0).astype(float),
         lambda run: np.full(len(run), float(run.scenario in late)),
     ]  # fmt: skip

@@ -14,7 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
-from gyrocal.effects.quantities import acceleration_g, power_on_time_s, rate_slope_dps_s, temperature_c, true_rate_dps
+from gyrocal.effects.quantities import (
+    acceleration_g,
+    cycle_time_s,
+    power_on_time_s,
+    rate_slope_dps_s,
+    temperature_c,
+    true_rate_dps,
+)  # fmt: skip
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.acceleration import Acceleration
 from gyrocal.variables.face import Face
@@ -142,12 +149,10 @@ def _variables(runs: Sequence[Run]) -> list[tuple[str, Callable[[Run], Array | N
     """Name and values of each variable, in the words of a finding."""
     begins_s: dict[str, float] = {}
     for run in runs:
-        if run.power_on_s is not None:
-            begins_s[run.scenario] = min(run.power_on_s, begins_s.get(run.scenario, np.inf))
+        begins_s[run.scenario] = min(float(cycle_time_s(run)[0]), begins_s.get(run.scenario, np.inf))
 
     def in_cycle_s(run: Run) -> Array | None:
-        since_s = power_on_time_s(run)
-        return None if since_s is None else since_s - begins_s[run.scenario]
+        return cycle_time_s(run) - begins_s[run.scenario]
 
     def along(component: int) -> Callable[[Run], Array | None]:
         def values(run: Run) -> Array | None:

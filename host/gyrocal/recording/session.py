@@ -86,7 +86,7 @@ class Session(Shown):
                 raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
             if check:
                 _check_rate_known(run)
-        return session
+        return session.with_runs(following(session.runs)) if check else session
 
     @staticmethod
     def from_frames(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **header: Any) -> Session:
@@ -178,6 +178,17 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
         lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
         table_rate_se_dps=entry.table_rate_se_dps, turn_se_deg=entry.turn_se_deg, reference=header.reference,
     )  # fmt: skip
+
+
+def following(runs: Sequence[Run]) -> list[Run]:
+    """The runs, each with the time that was recorded in its power cycle before it (``earlier_s``)."""
+    recorded_s: dict[str, float] = {}
+    out = []
+    for run in runs:
+        earlier_s = recorded_s.get(run.scenario, 0.0)
+        recorded_s[run.scenario] = earlier_s + run.duration_s
+        out.append(run.after(earlier_s))
+    return out
 
 
 def _check_rate_known(run: Run) -> None:

@@ -113,6 +113,8 @@ class Variable(ABC):
         """The number of steps for a variable that differs between runs and hardly changes within them."""
         return max(2, len(self.runs) // 3)
 
+ROUNDING = 1e-9
+"""Values that differ by no more than this part of their size differ by the rounding of their means alone."""
 EVEN = 0.1
 """Values are spread evenly if the rarest hold more than this fraction of the mean number."""
 PLATEAU = 10.0
@@ -125,7 +127,7 @@ def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
     An edge lies at a quantile where the values are spread evenly, else where they are rarest. It never divides a plateau, on
     which only the noise of the values decides their side.
     """
-    if np.ptp(values) <= 2 * resolution:
+    if np.ptp(values) <= max(2 * resolution, ROUNDING * float(np.abs(values).max(initial=0.0))):
         return np.zeros(0)
     bounds = np.quantile(values, (np.arange(steps) + 0.5) / steps)
     middle = np.quantile(values, np.arange(1, steps) / steps)
