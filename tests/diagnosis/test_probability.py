@@ -1,9 +1,11 @@
 """Names on which the tests and the evidence of sets must agree."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.probability import decided
@@ -19,8 +21,13 @@ def candidate(id_: str, decision: Any, log_odds: float | None, checks: Checks | 
     return Candidate(effect(id_), decision=decision, log_odds=log_odds, checks=checks, **known)
 
 
-def decisions(*candidates: Candidate, failing: str = "z") -> dict[str, tuple[str, tuple[str, ...]]]:
-    return {c.effect.id: (c.decision, c.group) for c in decided(candidates, set(failing))}
+def gaining(sure: Sequence[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
+    """Every other effect gains beside the sure ones."""
+    return [replace(c, decision="add", group=(), together=tuple(s.effect.id for s in sure)) for c in others]
+
+
+def decisions(*candidates: Candidate, failing: str = "z", beside: Any = gaining) -> dict[str, tuple[str, tuple[str, ...]]]:
+    return {c.effect.id: (c.decision, c.group) for c in decided(candidates, set(failing), beside)}
 
 
 def test_a_name_without_support_is_suggested() -> None:
@@ -59,10 +66,27 @@ def test_a_suggestion_is_named_only_where_the_model_is_known_to_fail() -> None:
     assert decisions(replace(suggested, gain=None)) == {"scale_nonlinearity": ("suggest", ())}
 
 
-def test_beside_a_name_of_the_tests_the_evidence_names_nothing_more() -> None:
-    """It was not asked whether the suggestion still gains with the name in the model."""
-    told = decisions(candidate("drift", "add", 9.0), candidate("scale_nonlinearity", "suggest", 6.0))
-    assert told == {"drift": ("add", ()), "scale_nonlinearity": ("suggest", ())}
+@pytest.mark.parametrize("decision", ["suggest", "reject"])
+def test_beside_a_sure_name_the_evidence_names_what_gains_beside_it(decision: str) -> None:
+    """Alone it may gain nothing, because the error of the sure one is larger."""
+    known = candidate("drift", "add", 9.0), candidate("scale_nonlinearity", decision, 6.0, gain=-0.4)
+    assert decisions(*known) == {"drift": ("add", ()), "scale_nonlinearity": ("add", ())}
+    assert decisions(*known, beside=lambda sure, others: []) == {"drift": ("add", ()), "scale_nonlinearity": (decision, ())}
+    assert decisions(known[0], replace(known[1], checks=FAILED))["scale_nonlinearity"] == (decision, ())
+
+
+def test_alone_what_the_tests_reject_is_not_named() -> None:
+    assert decisions(candidate("scale_nonlinearity", "reject", 6.0)) == {"scale_nonlinearity": ("reject", ())}
+
+
+def test_rivals_of_which_none_may_act_are_suggested() -> None:
+    """The tests see a disturbance that both resemble, the evidence that neither explains it."""
+    group = ("lag", "clock_error")
+    for odds, checks in ((-2.0, None), (5.0, FAILED)):
+        rivals = [candidate(i, "add", 1.0, checks, group=group, group_log_odds=odds) for i in group]
+        assert decisions(*rivals) == dict.fromkeys(group, ("suggest", ()))
+    rivals = [candidate(i, "add", 1.0, None, group=group, group_log_odds=5.0) for i in group]
+    assert decisions(*rivals) == dict.fromkeys(group, ("add", group))
 
 
 def test_a_doubted_name_is_not_in_the_way_of_a_sure_one() -> None:
@@ -73,9 +97,11 @@ def test_a_doubted_name_is_not_in_the_way_of_a_sure_one() -> None:
 def test_a_sure_name_stands_before_rivals_that_cannot_be_told_apart() -> None:
     group = ("lag", "clock_error")
     rivals = [candidate(id_, "add", 1.0, group=group, gain=90.0, axis="x") for id_ in group]
-    assert [c.effect.id for c in decided([*rivals, candidate("drift", "add", 6.0, gain=4.0)], {"z"})] == ["drift", *group[::-1]]
+    order = decided([*rivals, candidate("drift", "add", 6.0, gain=4.0)], {"z"}, gaining)
+    assert [c.effect.id for c in order] == ["drift", *group[::-1]]
 
 
 def test_names_stand_before_suggestions() -> None:
-    order = decided([candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=4.0)], {"z"})
+    known = candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=4.0)
+    order = decided(known, {"z"}, gaining)
     assert [c.effect.id for c in order] == ["warmup", "drift"]

@@ -66,6 +66,27 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
     return [replace(c, decision="suggest", group=()) if id(c) in out else c for c in candidates]
 
 
+def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """Those of ``others`` that still gain with the ``sure`` ones of their axis in the model, with their values beside them.
+
+    The evidence of sets has weighed them together. Alone they may gain nothing, because the error of the sure ones is larger.
+    """
+    current = Current.of(comparison, sure[0].axis)
+    for c in sure:
+        current = current.with_effect(c.effect, c.values)
+    known, out = [c.effect.id for c in sure], []
+    for c in others:
+        again = judge(current, c.effect)
+        if not again.values or again.contradicted or not in_range(again) or (again.gain is not None and again.gain <= 0):
+            continue
+        known.append(c.effect.id)
+        current = current.with_effect(c.effect, again.values)
+        out.append(replace(
+            again, decision="add", q_value=c.q_value, group=(), together=tuple(known), log_odds=c.log_odds, checks=c.checks
+        ))  # fmt: skip
+    return out
+
+
 def excludes(c: Candidate, rival: Candidate, comparison: Comparison) -> bool:
     """True if a candidate is needed beside a rival, and the rival is not needed beside the candidate (encompassing).
 

@@ -45,14 +45,17 @@ def significant(c: Candidate) -> bool:
 
 
 def without_unphysical(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates, of which no effect is suggested that the fit contradicts or that is larger than any sensor has it.
+    """The candidates, of which no effect is suggested that the fit contradicts, that is larger than any sensor has it, or that
+    makes the prediction of held-out data worse by more than its error.
 
     They take part in the comparisons before, because beside another effect their size can be another one.
     """
-    return [
-        replace(c, decision="reject", group=()) if c.decision == "suggest" and (c.contradicted or not in_range(c)) else c
-        for c in candidates
-    ]
+
+    def unlikely(c: Candidate) -> bool:
+        worse = c.gain is not None and c.gain_se is not None and c.gain < -c.gain_se
+        return c.contradicted or worse or not in_range(c)
+
+    return [replace(c, decision="reject", group=()) if c.decision == "suggest" and unlikely(c) else c for c in candidates]
 
 
 def meets(c: Candidate, comparison: Comparison) -> bool:

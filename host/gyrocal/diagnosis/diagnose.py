@@ -3,9 +3,8 @@
 There are two levels of evidence. An effect is *suggested* if it improves the fit significantly, judged by the false-discovery
 rate over all candidates (Benjamini and Hochberg). It is to be *added* if it also predicts held-out runs significantly better,
 its parameters are in physical range, it explains enough of the excess error, and the evidence of sets of effects beside an
-unnamed rest supports it. Candidates whose signals overlap in this
-session form a group. For a group, the diagnosis names the measurement that separates its members instead of a cause. The
-thresholds are in ``gyrocal/policy``.
+unnamed rest supports it. Candidates whose signals overlap in this session form a group. For a group, the diagnosis names the
+measurement that separates its members instead of a cause. The thresholds are in ``gyrocal/policy``.
 """
 
 from __future__ import annotations
@@ -16,15 +15,18 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gyrocal.diagnosis import naming
+from gyrocal.diagnosis.beside import beside_sure
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probability import OnAxis, decided, with_probabilities
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.recording.session import Session
 from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
+from gyrocal.variables.reading import Reading
 
 Progress = Callable[[str], None]
 
@@ -75,10 +77,16 @@ def diagnose(
     if not comparison.where and not comparison.implausible:
         comparison = replace(comparison, where=naming.findings(comparison, judged))
     tested, alternatives = with_probabilities(judged, comparison, progress)
-    judged = decided(tested, {f.axis for f in comparison.where})
+    judged = decided(tested, _failing(comparison), lambda sure, others: beside_sure(sure, others, comparison))
     verdict = verdict_on(comparison, judged)
     unknown = _unknown(comparison) if verdict == "unknown" else None
     return Diagnosis(verdict, judged, unknown, comparison, alternatives, tested)
+
+
+def _failing(comparison: Comparison) -> set[str]:
+    """The axes on which something fails that a slow effect may explain: no fault of the reading, no line or band above it."""
+    slow = [f for f in comparison.where if f.band_hz is None or f.band_hz[0] <= 0.5 / BLOCK_S]
+    return {f.axis for f in slow if f.against != Reading.name}
 
 
 class Compared(Protocol):

@@ -75,18 +75,26 @@ def with_probabilities(
     return out, [one for one in sets if one.probability >= TOLD]
 
 
-def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidate]:
+Beside = Callable[[Sequence[Candidate], Sequence[Candidate]], list[Candidate]]
+"""Those of the second candidates that gain beside the first ones, as :func:`gyrocal.diagnosis.beside.beside_sure`."""
+
+
+def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) -> list[Candidate]:
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
     A sure name of the tests that the evidence can judge and is not sure of is suggested, and so are rivals of which it is not
-    sure that any acts, or one of which fails a check. On an axis that is known to fail
-    (``failing``) and has no other name, an effect that the tests suggest, or cannot tell from its rivals, is named if the
-    evidence is sure of it, has weighed all these rivals, and none of them has the same shape.
+    sure that any acts, or one of which fails a check. On an axis that is known to fail (``failing``) and has no other name, an
+    effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
+    rivals, and none of them has the same shape. Beside a sure name, every such effect is named that gains beside it, whatever
+    the tests make of it alone.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
 
     def told_apart(c: Candidate, rival: Candidate | None) -> bool:
         return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
+
+    def alone(c: Candidate) -> bool:
+        return all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
 
     def unlike(c: Candidate) -> bool:
         return c.doubted or (c.checks is not None and not c.checks.passed)
@@ -94,9 +102,8 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
     sure = {c.axis for c in candidates if c.named and not c.doubted}
 
     def named(c: Candidate) -> bool:
-        alone = all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
         told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
-        return told and alone and c.axis in failing - sure and in_range(c) and c.sure
+        return told and alone(c) and c.axis in failing - sure and in_range(c) and c.sure
 
     found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
     settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
@@ -109,7 +116,18 @@ def decided(candidates: Sequence[Candidate], failing: Set[str]) -> list[Candidat
         elif c.decision == "add" and (c.doubted or key in settled):
             c = replace(c, decision="suggest", group=())
         out.append(c)
-    return sorted(out, key=best_first)
+    joined = {}
+    for axis in sorted({c.axis for c in out if c.named}):
+        joined |= {(c.effect.id, c.axis): c for c in _joined(out, axis, alone, beside)}
+    return sorted((joined.get((c.effect.id, c.axis), c) for c in out), key=best_first)
+
+
+def _joined(candidates: Sequence[Candidate], axis: str, alone: Callable[[Candidate], bool], beside: Beside) -> list[Candidate]:
+    """The effects that are named beside the sure ones of an axis."""
+    mine = [c for c in candidates if c.axis == axis and c.decision != "not_measurable"]
+    waiting = [c for c in mine if not c.named and c.sure and c.checks is not None and not c.contradicted and alone(c)]
+    waiting.sort(key=lambda c: -(c.log_odds or 0.0))
+    return beside([c for c in mine if c.named], waiting) if waiting else []
 
 
 def _on_axis(candidates: Sequence[Candidate], current: Current) -> Evidence | None:
