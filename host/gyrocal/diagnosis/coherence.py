@@ -57,9 +57,10 @@ def of_the_reference(fitted: AxisFit, waves: Sequence[Array]) -> bool:
 
     ``waves`` are the fitted wave in the blocks of each run, deg/s. What is left is the reading less the reference, so that a
     wave of the reference alone, such as the beat of an encoder's steps with the sampling, is there with the opposite sign. One
-    that both have is a motion, of which an error in proportion to the motion leaves a part.
+    that both have is a motion, of which an error in proportion to the motion leaves a part. A motion of another form resembles
+    the wave by chance, and the more so the larger it is.
     """
-    held = power = 0.0
+    held = power = by_chance = 0.0
     for block, wave in zip(fitted.design.blocks, waves, strict=True):
         run = block.run
         if not wave.size or run.rate_is_mean or not np.any(wave):
@@ -70,7 +71,8 @@ def of_the_reference(fitted: AxisFit, waves: Sequence[Array]) -> bool:
             of_reference, of_wave = _without_trend(np.column_stack([reference, wave])[part], np.ones(part.size)).T
             held += float(of_reference @ of_wave)
             power += float(of_wave @ of_wave)
-    return abs(held) > POLICY.wave_of_reference * power
+            by_chance += float(of_wave @ of_wave) * float(np.mean(of_reference**2))
+    return abs(held) > max(POLICY.wave_of_reference * power, POLICY.coherence_errors * np.sqrt(by_chance))
 
 
 def _without_trend(columns: Array, weight: Array) -> Array:
