@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -42,8 +43,10 @@ def rounding_power(fitted: AxisFit) -> float:
 
 
 def _of_axis(fitted: AxisFit) -> tuple[float, Array]:
-    """A count of an axis's readings, deg/s, and the amplitudes [k] of the error of rounding to it."""
-    count_dps = max((b.run.count_dps(fitted.design.axis) for b in fitted.design.blocks), default=0.0)
+    """The step of an axis's readings, a count or a coarser one, deg/s, and the amplitudes [k] of the error of rounding."""
+    runs, axis = [b.run for b in fitted.design.blocks], fitted.design.axis
+    count_dps = max((run.count_dps(axis) for run in runs), default=0.0)
+    count_dps = max(count_dps, coarse_step_dps(runs, axis))
     return count_dps, amplitudes_dps(count_dps, fitted.noise.white_sd_dps**2) if count_dps > 0 else np.zeros(0)
 
 
