@@ -1,9 +1,12 @@
 """Readings that are coarser than their noise: rounding is no misfit, and an effect larger than it is still found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.rounding import amplitudes_dps
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
@@ -53,6 +56,14 @@ def test_a_larger_effect_is_found_beside_rounding() -> None:
     found = compare(staircase(k=0.001))
     assert found.verdict == "misfit"
     assert {f.axis for f in found.where} == {"z"}
+
+
+def test_a_grid_that_is_coarser_than_the_stated_count_makes_no_jumps() -> None:
+    """A steady rate's error of rounding changes with each step of the table."""
+    made = staircase(sd_dps=0.017)
+    stated = made.with_runs(replace(run, lsb_dps=COUNT_DPS / 4) for run in made.runs)
+    found = diagnose(replace(stated, lsb_dps=COUNT_DPS / 4))
+    assert {c.effect.id for c in found.candidates if c.named} <= {"quantization"}
 
 
 def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:

@@ -33,3 +33,18 @@ def session(in_sensor: float, in_reference: float) -> Session:
 def test_a_tone_is_named_where_the_sensor_alone_has_it(in_sensor: float, in_reference: float, named: bool) -> None:
     sure = {c.effect.id for c in diagnose(session(in_sensor, in_reference)).candidates if c.decision == "add"}
     assert ("vibration_tone" in sure) is named
+
+
+def test_a_motion_that_is_large_is_not_taken_for_the_wave() -> None:
+    """A table that goes to a hundred rates has some overlap with any wave, which is more than a small wave's own power."""
+    rng = np.random.default_rng(5)
+    runs = []
+    for cycle in range(3):
+        rate_dps = np.repeat(rng.uniform(-200, 200, 12), T_S.size // 12)
+        turned_deg = np.cumsum(rate_dps) / RATE_HZ
+        gyro = rng.normal(0, 0.02, (T_S.size, 3))
+        gyro[:, 2] += rate_dps * (1.002 + 0.0018 * np.sin(np.deg2rad(3 * turned_deg))) + 0.3
+        runs.append(make_run(T_S, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=RATE_HZ, rate_ref_dps=rate_dps))
+    found = diagnose(make_session(*runs)).best
+    assert found is not None
+    assert (found.effect.id, found.axis) == ("table_ripple", "z")

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from gyrocal.evidence.answer import Evidence, weigh
+from gyrocal.recording.session import following
+from make_runs import make_run
 
-from .sessions import fitted, session
+from .sessions import RATES_DPS, fitted, session
 
 EVEN, SURE = 0.0, float(np.log(99))
 
@@ -68,6 +70,20 @@ def test_the_order_of_the_runs_changes_nothing() -> None:
     turned = replace(made, runs=tuple(made.runs[::-1]))
     one, other = evidence(made).log_odds, evidence(turned).log_odds
     assert one == pytest.approx(other, abs=0.02)
+
+
+def test_a_creeping_bias_is_a_rival_of_the_temperature_without_the_time_since_power_on() -> None:
+    """The runs of a power cycle follow each other; with the time in each run alone, the temperature would explain it all."""
+    made = session(7, cycles=3, seconds=30.0)
+    rng, runs = np.random.default_rng(7), []
+    for i, run in enumerate(made.runs):
+        on_s = 30.0 * (i % len(RATES_DPS)) + run.t_s
+        gyro = run.gyro_dps + 5e-4 * on_s[:, None]
+        temp_c = 20 + 0.03 * on_s + 0.3 * np.sin(on_s / 40) + rng.normal(0, 0.002, on_s.size)
+        runs.append(make_run(run.t_s, gyro, table_rate_dps=run.table_rate_dps, scenario=run.scenario, temp_c=temp_c))
+    found = evidence(replace(made, runs=tuple(following(runs))))
+    assert found.log_odds["drift"] > found.log_odds["bias_temperature"]
+    assert found.log_odds["bias_temperature"] < EVEN
 
 
 def test_a_run_without_a_thermometer_hides_no_effect_of_temperature() -> None:

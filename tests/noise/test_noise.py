@@ -9,7 +9,7 @@ import pytest
 from gyrocal.noise.allan import allan_deviation, model_deviation
 from gyrocal.noise.color import Color
 from gyrocal.noise.drift import ou_noise
-from gyrocal.noise.spectrum import spectrum
+from gyrocal.noise.spectrum import evenly_spaced, spectrum
 from gyrocal.noise.whitening import Noise, Summed, normal_equations
 
 
@@ -163,3 +163,26 @@ def test_a_bias_far_above_the_noise_does_not_round_the_likelihood(cell_s: float)
     rounding = np.finfo(float).eps * (1 + 4 * noise.white_sd_dps**2 / (blocks * added)) * beside[0, 0]
     assert left[1] == pytest.approx(left[0], abs=rounding)
     assert rounding < 2e-6
+
+
+def test_a_tone_keeps_its_frequency_where_samples_are_missing() -> None:
+    """Their times tell it: counted without the gaps, 3 % of missing samples raise 7.4 Hz to 7.6 Hz."""
+    rng = np.random.default_rng(6)
+    t_s = np.round(np.arange(20_000) / 145, 5)
+    kept = np.sort(rng.choice(t_s.size, 19_400, replace=False))
+    y_dps = 0.03 * np.sin(2 * np.pi * 7.404 * t_s) + rng.normal(0, 0.03, t_s.size)
+    (even,), rate_hz = evenly_spaced([y_dps[kept]], [t_s[kept]], 145.0)
+    assert even.size == kept[-1] - kept[0] + 1
+    assert even.var() == pytest.approx(y_dps[kept].var(), rel=0.03)
+    peak = spectrum([even], rate_hz).peak()
+    assert peak is not None
+    assert peak.frequency_hz == pytest.approx(7.404, abs=0.01)
+
+
+def test_readings_without_a_gap_or_with_times_that_jitter_stay_as_they_are() -> None:
+    rng = np.random.default_rng(7)
+    y_dps, t_s = rng.normal(0, 0.03, 3000), np.round(np.arange(3000) / 145, 5)
+    for times_s in (t_s, np.cumsum(rng.uniform(0.002, 0.018, 3000)), np.cumsum(rng.exponential(0.01, 3000))):
+        (same,), rate_hz = evenly_spaced([y_dps], [times_s], 144.0)
+        assert same is y_dps
+        assert rate_hz == 144.0

@@ -204,3 +204,11 @@ def test_a_small_table_reads_as_a_large_one(tmp_path_factory: pytest.TempPathFac
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gyrocal.recording.table.SMALL_BYTES", 0)
         assert small.equals(read_table(path))
+
+
+def test_each_run_knows_what_was_recorded_before_it_in_its_power_cycle(tmp_path: Path) -> None:
+    made = simulate(None, "paper", [], 1, scenarios=2, seconds=4)[0]
+    made.with_runs(replace(run, scenario=name) for run, name in zip(made.runs, "aaba", strict=True)).save(tmp_path / "s")
+    opened = Session.open(tmp_path / "s").runs
+    assert [round(run.earlier_s) for run in opened] == [0, 4, 0, 8]
+    assert opened[1].part(145, 300).earlier_s == pytest.approx(opened[1].earlier_s + opened[1].t_s[145] - opened[1].t_s[0])

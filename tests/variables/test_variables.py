@@ -151,6 +151,11 @@ def test_no_edge_divides_a_plateau_although_ramps_lead_to_it() -> None:
     assert min(abs(edge - level) for level in plateaus) > 1.0
 
 
+def test_a_constant_that_is_not_exact_in_binary_has_no_steps() -> None:
+    """Block means of 23.4 degC differ in the last digit."""
+    assert quantile_edges(np.array([0.1 * 234 * np.ones(k).mean() + (k % 2) * 4e-15 for k in range(1, 40)]), 0.0, 4).size == 0
+
+
 @pytest.mark.parametrize(("swing_deg", "orders"), [(6.0, []), (130.0, [3, 4, 5, 6]), (400.0, [1, 2, 3, 4, 5, 6])])
 @pytest.mark.parametrize("encoder", [True, False])
 def test_a_wave_is_looked_for_where_the_table_turns_through_a_period_of_it(

@@ -27,7 +27,7 @@ from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.noise_shape import beyond_color, of_slopes
 from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
-from gyrocal.noise.spectrum import Spectrum, spectrum
+from gyrocal.noise.spectrum import Spectrum, evenly_spaced, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST
 from gyrocal.recording.session import AXES, Array
@@ -262,7 +262,9 @@ def spectrum_of(fitted: Fit, axis: str, by_run: Mapping[int, Array]) -> Spectrum
     """The spectrum of the residuals [n] of runs by their index."""
     column = AXES.index(axis)
     count_dps = max((b.run.count_dps(column) for b in fitted.blocks if b.run.index in by_run), default=0.0)
-    return spectrum(list(by_run.values()), fitted.session.sample_rate_hz, count_dps=count_dps)
+    times_s = {b.run.index: b.run.sample_s for b in fitted.blocks}
+    even, rate_hz = evenly_spaced(list(by_run.values()), [times_s[i] for i in by_run], fitted.session.sample_rate_hz)
+    return spectrum(even, rate_hz, count_dps=count_dps)
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:

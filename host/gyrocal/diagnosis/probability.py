@@ -116,10 +116,15 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
         elif c.decision == "add" and (c.doubted or key in settled):
             c = replace(c, decision="suggest", group=())
         out.append(c)
-    joined = {}
+    joined: dict[tuple[str, str], Candidate] = {}
     for axis in sorted({c.axis for c in out if c.named}):
         joined |= {(c.effect.id, c.axis): c for c in _joined(out, axis, alone, beside)}
-    return sorted((joined.get((c.effect.id, c.axis), c) for c in out), key=best_first)
+
+    def left(c: Candidate) -> Candidate:
+        beaten = c.decision == "add" and len(c.group) > 1 and any((id_, c.axis) in joined for id_ in c.group)
+        return replace(c, decision="suggest", group=()) if beaten else c
+
+    return sorted((joined.get((c.effect.id, c.axis)) or left(c) for c in out), key=best_first)
 
 
 def _joined(candidates: Sequence[Candidate], axis: str, alone: Callable[[Candidate], bool], beside: Beside) -> list[Candidate]:

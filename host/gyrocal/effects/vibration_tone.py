@@ -19,12 +19,13 @@ PEAKS = 2
 @once
 def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     """Frequencies [k] in Hz, and the mean periodogram [k] of the readings divided by its level between lines."""
-    from gyrocal.noise.spectrum import spectrum
+    from gyrocal.noise.spectrum import evenly_spaced, spectrum
 
     steady = [r for r in runs if not r.rate_is_mean]
     residuals = [r.gyro_dps[:, axis] - (r.rate_dps if r.axis_index == axis else 0.0) for r in steady]
     counts_dps = (r.count_dps(axis) for r in steady)
-    found = spectrum(residuals, runs[0].sample_rate_hz, LOWEST_HZ, max(counts_dps, default=0.0))
+    even, rate_hz = evenly_spaced(residuals, [r.sample_s for r in steady], runs[0].sample_rate_hz)
+    found = spectrum(even, rate_hz, LOWEST_HZ, max(counts_dps, default=0.0))
     return found.frequency_hz, found.ratio
 
 

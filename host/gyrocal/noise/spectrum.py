@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,15 @@ from gyrocal.noise.steady import as_many, relative_levels, shrunk
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
 LOWEST_HZ = 1.0
 LONGEST_SAMPLES = 1 << 14
 LEAST_SAMPLES = 32
 NO_POWER = 1e-30
 """Power of a reading that never changes, as a fraction of its segment's."""
+MOST_MISSING = 0.2
+"""Largest part of a run's samples that may be missing between the others."""
 PAD = 2
 """Zero-padding factor of the periodogram. A line may lie between the frequencies of the unpadded one."""
 SAME_LINE_HZ = 0.1
@@ -126,6 +131,38 @@ class Spectrum:
         near = np.any([np.roll(lines, shift) for shift in range(-PAD, PAD + 1)], axis=0)
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0]) if self.frequency_hz.size > 1 else 0.0
         return float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
+
+
+def evenly_spaced(residuals: Sequence[Array], times_s: Sequence[Array], rate_hz: float) -> tuple[list[Array], float]:
+    """Residuals [n] in deg/s with their means where the times [n], s, leave samples out, and their sampling rate, Hz.
+
+    A line of readings without their gaps has a higher frequency. The sampling rate is the given one, the nominal, where nothing
+    is missing. Runs stay as they are of which more than ``MOST_MISSING`` is missing, or whose times jitter.
+    """
+    places = [_places(t_s) for t_s in times_s]
+    gaps = [place is not None and place[0][-1] >= place[0].size for place in places]
+    if not any(gaps):
+        return list(residuals), rate_hz
+    out = []
+    for values, place, gap in zip(residuals, places, gaps, strict=True):
+        if gap and place is not None:
+            whole = np.full(place[0][-1] + 1, float(values.mean()))
+            whole[place[0]] += (values - values.mean()) * np.sqrt(whole.size / values.size)
+            values = whole
+        out.append(values)
+    return out, 1 / float(np.mean([place[1] for place, gap in zip(places, gaps, strict=True) if gap and place is not None]))
+
+
+def _places(t_s: Array) -> tuple[Index, float] | None:
+    """The places [n] of samples at times [n], s, among evenly spaced ones, and their interval, s; None if there are none."""
+    steps = np.diff(t_s)
+    if steps.size < 2 or steps.min() <= 0:
+        return None
+    total = float(np.rint(steps / np.median(steps)).sum())
+    step_s = float(t_s[-1] - t_s[0]) / max(total, 1.0)
+    place = np.rint((t_s - t_s[0]) / step_s).astype(np.intp)
+    even = np.diff(place).min() > 0 and place[-1] + 1 <= t_s.size / (1 - MOST_MISSING)
+    return (place, step_s) if even else None
 
 
 def spectrum(
