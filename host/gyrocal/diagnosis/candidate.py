@@ -126,11 +126,13 @@ def _finite(value: float | None) -> float | None:
 BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 
-def best_first(candidate: Candidate) -> tuple[int, bool, float, int, str]:
+def best_first(candidate: Candidate) -> tuple[int, bool, bool, float, int, str]:
     """The key of the order in which candidates are given; among equals it does not depend on the order of the library.
 
-    A sure name comes before effects that cannot be told from each other.
+    A sure name comes before effects that cannot be told from each other, and one that is sure alone before those that are sure
+    beside others.
     """
     gain = -np.inf if candidate.gain is None else candidate.gain
     rivals = candidate.decision == "add" and not candidate.named
-    return BEST_FIRST.index(candidate.decision), rivals, -gain, AXES.index(candidate.axis), candidate.effect.id
+    beside = candidate.decision == "add" and bool(candidate.together)
+    return BEST_FIRST.index(candidate.decision), rivals, beside, -gain, AXES.index(candidate.axis), candidate.effect.id
