@@ -8,7 +8,7 @@ from gyrocal.effects.byte_fault import carried, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.thermal_hysteresis import play_c
-from gyrocal.recording.session import Run
+from gyrocal.recording.session import Run, following
 
 from .conftest import Array, MakeRun
 
@@ -60,6 +60,19 @@ def test_a_hysteresis_stays_while_the_temperature_rests(make_run: MakeRun) -> No
     term = effect("thermal_hysteresis").term(make_run(t_s, temp_c=temp_c), 2, {"amplitude_dps": -0.05, "width_c": 3.0})
     np.testing.assert_allclose(term[t_s > 50], -0.05, rtol=1e-6)
     assert term[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_hysteresis_remembers_over_the_runs_of_a_power_cycle(make_run: MakeRun) -> None:
+    """A recording that is cut in three reads as it does in one piece: what creeps in glue does not know where a file ends."""
+    t_s = np.arange(0.0, 900.0, 0.1)
+    whole = make_run(t_s, temp_c=25 + 12 * np.sin(2 * np.pi * t_s / 500) + 2 * np.sin(2 * np.pi * t_s / 130))
+    values = {"amplitude_dps": 0.1, "width_c": 5.0}
+    expected = effect("thermal_hysteresis").term(whole, 2, values)
+    parts = following([whole.part(first, first + 3000) for first in (0, 3000, 6000)])
+    for k, part in enumerate(parts):
+        term = effect("thermal_hysteresis").term(part, 2, values)
+        np.testing.assert_allclose(term, expected[3000 * k : 3000 * (k + 1)], atol=0.002)
+    assert effect("thermal_hysteresis").missing(parts[1:2], 2) is None
 
 
 def test_a_play_follows_at_its_distance() -> None:

@@ -9,10 +9,11 @@ import numpy as np
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import temperature_by_second
 from gyrocal.parameter import POSITIVE
+from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
 LEAST_RETURN_C = 1.0
-"""Least way back of the temperature within a run that can show a loop, degC."""
+"""Least way back of the temperature within a power cycle that can show a loop, degC."""
 WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
 
@@ -50,30 +51,50 @@ class ThermalHysteresis(Effect):
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         measured = bool(runs) and all(r.temp_c is not None for r in runs)
-        if measured and any(_way_back_c(temperature_by_second(r)[1]) >= LEAST_RETURN_C for r in runs):
+        if measured and any(_way_back_c(_course_c(r)) >= LEAST_RETURN_C for r in runs):
             return None
-        return "a run in which the temp_c column rises and falls by 1 °C or more"
+        return "a power cycle in which the temp_c column rises and falls by 1 °C or more"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        range_c = max(float(np.ptp(temperature_by_second(r)[1])) for r in runs if r.temp_c is not None)
+        range_c = max(float(np.ptp(_course_c(r))) for r in runs if r.temp_c is not None)
         return [{"width_c": w, "amplitude_dps": 0.0} for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
 
     def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """True if a run reaches both branches. Within the width, a hysteresis is a line over temperature."""
-        return any(_way_back_c(temperature_by_second(r)[1]) >= values["width_c"] for r in runs if r.temp_c is not None)
+        """True if a power cycle reaches both branches. Within the width, a hysteresis is a line over temperature."""
+        return any(_way_back_c(_course_c(r)) >= values["width_c"] for r in runs if r.temp_c is not None)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.temp_c is None:
             return np.zeros((len(run), 1))
-        t_s, temp_c = temperature_by_second(run)
-        half_c = values["width_c"] / 2
-        return stack(np.interp(run.t_s, t_s, (temp_c - play_c(temp_c, half_c)) / half_c))
+        t_s, half_c = temperature_by_second(run)[0], values["width_c"] / 2
+        course_c = _course_c(run)
+        branch = (course_c - play_c(course_c, half_c)) / half_c
+        return stack(np.interp(run.t_s, t_s, branch[-t_s.size :]))
+
+
+def _course_c(run: Run) -> Array:
+    """The temperature by the second in a run, after the turning points of those before it in its power cycle, [m], degC.
+
+    Between two runs it is taken to go from the last to the first temperature without a detour.
+    """
+    before = [_turning_points_c(earlier) for earlier in run.earlier if earlier.temp_c is not None]
+    return np.concatenate([*before, temperature_by_second(run)[1]])
+
+
+@once_a_run
+def _turning_points_c(run: Run) -> Array:
+    """The first and last temperature of a run, and those at which it turns, [k], degC: all that a play operator remembers."""
+    temp_c = temperature_by_second(run)[1]
+    turns = np.diff(np.sign(np.diff(temp_c)), prepend=1.0, append=1.0) != 0
+    kept = np.ones(temp_c.size, dtype=bool)
+    kept[1:-1] = turns[1:-1] if temp_c.size > 2 else kept[1:-1]
+    return temp_c[kept]
 
 
 def play_c(temp_c: Array, half_c: float) -> Array:
     """The play operator: a value that stays until the temperature [n] is further than ``half_c`` away, shape [n], degC.
 
-    It begins at the first temperature, because the history of the part before the run is not known.
+    It begins at the first temperature, because the history of the part before the power cycle is not known.
     """
     out = np.empty_like(temp_c)
     at = float(temp_c[0])

@@ -80,8 +80,8 @@ class Run:
     """The timing of the reading relative to the reference; ``rate_dps`` is the true rate with this timing."""
     registration: Registration = field(default_factory=Registration)
     """The reference's frame and clock relative to the sensor's."""
-    earlier_s: float = 0.0
-    """Seconds that were recorded in the same power cycle before this run."""
+    earlier: tuple[Run, ...] = field(default=(), repr=False, compare=False)
+    """The runs of the same power cycle before this one."""
     lost: np.ndarray[Any, np.dtype[np.bool_]] | None = field(default=None, compare=False)
     """True for the samples [n] whose reference is left out, because it shows another motion than the sensor's."""
 
@@ -235,9 +235,14 @@ class Run:
         """The run without the reference of some samples [n]."""
         return self._sharing((name for name in OF_FILE if name != "measured_rates"), lost=samples)
 
-    def after(self, earlier_s: float) -> Run:
-        """The run with another time that was recorded before it in its power cycle, s."""
-        return self if earlier_s == self.earlier_s else self._sharing(OF_FILE, earlier_s=earlier_s)
+    def after(self, earlier: Iterable[Run]) -> Run:
+        """The run with others that were recorded before it in its power cycle."""
+        return self._sharing(OF_FILE, earlier=tuple(earlier))
+
+    @property
+    def earlier_s(self) -> float:
+        """Seconds that were recorded in the same power cycle before this run."""
+        return sum(run.duration_s for run in self.earlier)
 
     def turning(self, *, table_rate_dps: float | None = None, turn_deg: float | None = None) -> Run:
         """The run with another known rate of the table, deg/s, or another net turn, deg."""
@@ -373,15 +378,15 @@ class Run:
     def part(self, start: int, stop: int) -> Run:
         """Rows ``start:stop`` as a run of its own; a net angle is not known for a part, so ``turn_deg`` goes."""
         whole = start == 0 and stop == len(self)
-        later_s = float(self.t_s[start] - self.t_s[0])
-        power_on_s = None if self.power_on_s is None else self.power_on_s + later_s
+        power_on_s = None if self.power_on_s is None else self.power_on_s + float(self.t_s[start] - self.t_s[0])
+        earlier = (*self.earlier, self.part(0, start)) if start > 1 else self.earlier
         return Run(
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
             table_rate_se_dps=self.table_rate_se_dps, turn_se_deg=self.turn_se_deg, reference=self.reference,
             smooth=self.smooth, registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
-            lost=None if self.lost is None else self.lost[start:stop], earlier_s=self.earlier_s + later_s,
+            lost=None if self.lost is None else self.lost[start:stop], earlier=earlier,
         )  # fmt: skip
 
 

@@ -181,13 +181,10 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
 
 
 def following(runs: Sequence[Run]) -> list[Run]:
-    """The runs, each with the time that was recorded in its power cycle before it (``earlier_s``)."""
-    recorded_s: dict[str, float] = {}
-    out = []
+    """The runs, each with those that were recorded in its power cycle before it."""
+    out: list[Run] = []
     for run in runs:
-        earlier_s = recorded_s.get(run.scenario, 0.0)
-        recorded_s[run.scenario] = earlier_s + run.duration_s
-        out.append(run.after(earlier_s))
+        out.append(run.after(earlier for earlier in out if earlier.scenario == run.scenario))
     return out
 
 

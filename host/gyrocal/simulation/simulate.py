@@ -177,7 +177,10 @@ def simulate(
                 scale, bias_dps = own.draw(rng)
         truth = RunTruth(f"{before + i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, days[planned.day], several, rng))
+        earlier = [run for run in runs if run.scenario == planned.scenario]
+        runs.append(
+            simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, days[planned.day], several, rng, earlier)
+        )
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(runs_of))
@@ -260,9 +263,11 @@ def simulate_run(
     day: Day,
     several: bool,
     rng: np.random.Generator,
+    earlier: Sequence[Run] = (),
 ) -> Run:
-    """One run. The planted effects are added to ``truth.effects``, and those that are the same in all runs to ``shared``.
+    """One run, after the ``earlier`` ones of its power cycle.
 
+    The planted effects are added to ``truth.effects``, and those that are the same in all runs to ``shared``.
     An effect acts on all axes if the table turns about ``several``, otherwise only on the table's axis.
     """
     frame = _surroundings(planned, day, rng)
@@ -272,7 +277,7 @@ def simulate_run(
         return Run(
             index, truth.file, planned.scenario, planned.face, planned.axis,
             planned.table_rate_dps if planned.swing is None else None, None, planned.day, planned.power_on_s, RATE_HZ,
-            frame=table, lsb_dps=LSB_DPS,
+            frame=table, lsb_dps=LSB_DPS, earlier=tuple(earlier),
         )  # fmt: skip
 
     drawn: list[tuple[base.Effect, base.Values]] = []
