@@ -57,7 +57,8 @@ def make_run(y_dps: np.ndarray, t_us: np.ndarray, face: str, rate_hz: float, w_d
 
 
 def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_dps: float = LSB_DPS) -> list[Run]:
-    t_us = np.round(np.arange(round(6.5 * rate_hz)) / rate_hz * 1e6).astype(np.int64)
+    seconds = 40.0 if what in ("warm-up", "long") else 6.5
+    t_us = np.round(np.arange(round(seconds * rate_hz)) / rate_hz * 1e6).astype(np.int64)
     scale, bias_dps = rng.uniform(-0.03, 0.03), rng.uniform(-10, 10)
     runs = []
     for face, w in (("up", w_dps), ("down", -w_dps)):
@@ -65,6 +66,8 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
         y = (1 + scale) * w + bias_dps + rng.normal(0, 0.0448, t_s.size)
         if what == "effects":
             y += w * 0.003 * np.cos(np.deg2rad(w_dps) * t_s + rng.uniform(0, 6)) - w * 0.004 * np.exp(-t_s / 1.7)
+        if what == "warm-up":
+            y += 0.05 * np.exp(-t_s / 60.0)
         if what == "low-pass":
             y += 0.1 * np.convolve(rng.normal(size=t_s.size), np.ones(4) / 2, "same")
         if what == "spike":
@@ -94,6 +97,7 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
         ("null", 145.0, 78.0, LSB_DPS), ("effects", 145.0, 78.0, LSB_DPS), ("low-pass", 416.0, 30.0, LSB_DPS),
         ("spike", 145.0, 78.0, LSB_DPS), ("clipped", 145.0, 78.0, LSB_DPS), ("still", 145.0, 78.0, LSB_DPS),
         ("constant", 145.0, 78.0, LSB_DPS), ("turned", 145.0, 78.0, LSB_DPS), ("missed", 104.0, 78.0, LSB_DPS),
+        ("warm-up", 145.0, 78.0, LSB_DPS), ("warm-up", 145.0, 211.3, 0.1), ("long", 416.0, 33.3, LSB_DPS),
         ("across", 145.0, 78.0, LSB_DPS), ("null", 52.0, 78.0, 0.1), ("null", 12.5, 78.0, LSB_DPS),
     ],
 )  # fmt: skip
@@ -107,17 +111,22 @@ def test_the_core_says_what_the_host_says(
     scale = (means[0] - means[1]) / (2 * w_dps) - 1
     answer = Answer(scale, 3e-5, (means[0] + means[1]) / 2, 2e-3, None)
     got, flags = core(whole, answer, seconds, lsb_dps, known_table)
-    evidence = Evidence.of(runs)
+    evidence = Evidence.of(runs, whole, seconds)
     assert evidence is not None
     told = evidence.with_errors(answer)
-    claimed = answer if known_table else evidence.widened(answer)
-    own = [evidence.misfit_of(answer), claimed.scale_se, claimed.bias_se_dps]
+    if known_table:
+        own = [evidence.misfit_of(answer), answer.scale_se, answer.bias_se_dps]
+    else:
+        claimed = evidence.with_errors_of(answer)
+        own = [claimed.misfit, claimed.scale_se, claimed.bias_se_dps]
     assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, *own], rel=1e-9)
     blocks = sum(np.unique(r.t_us // 250_000).size for r in runs)
     expected = answer_flags(told, blocks)
     if evidence.disagrees(answer):
         expected |= {"disagrees"}
     assert flags == "+".join(ordered(expected))
+    assert (evidence.moved > 2.5) == (what == "warm-up")
+    assert "misfit" in expected or what != "warm-up"
 
 
 def test_logarithm_and_decay_are_within_1e_12_everywhere(library: ctypes.CDLL) -> None:

@@ -12,7 +12,7 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     static gc_face_t face[2];
     static gc_evidence_t evidence;
     for (unsigned i = 0; i < 2; i++) {
-        gc_face_begin(&face[i], rate_hz);
+        gc_face_begin(&face[i], rate_hz, w[i]);
         for (uint32_t k = 0; k < n[i]; k++) {
             gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
         }

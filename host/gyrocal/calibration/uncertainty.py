@@ -5,6 +5,7 @@ A face at true rate w measures ``u = bias + scale * w``. Its means over blocks o
 counts), an Ornstein-Uhlenbeck drift o, and effects c, ripple of the table and a transient. Whether an effect acts is not known.
 Bayesian model averaging weights 44 hypotheses by their evidence: ripple once and twice a turn or not, and a transient of some
 size and time constant or none. Under each hypothesis c is Gaussian with a typical size, so that everything has a closed form.
+What a few seconds cannot show, the rest of the run may: its last whole turn is held against the answer.
 ``gc_trust`` is the twin on the device (docs/details/device.md).
 
 Arrays hold many sensors at once: N sensors, B blocks.
@@ -31,8 +32,9 @@ SHORT_HZ = 16.0
 CORRELATED = 2.5
 """Number of standard errors by which the level at long times must exceed the white one for the noise to be correlated."""
 
-DRIFT_SD_DPS, DRIFT_TAU_S = 0.0023, 30.0
-"""Standard deviation and correlation time of the drift. Typical MEMS gyroscopes have 1.5 to 3 mdps and 20 to 40 s."""
+DRIFT_SD_DPS, DRIFT_TAU_S = 0.0007, 30.0
+"""Standard deviation and correlation time of the drift. A bias instability of 3 deg/h, the typical one of ST's parts of this
+kind, is the largest Allan deviation of 1.35 mdps; half of that errs least for parts between none and that."""
 RIPPLE = 0.0018
 """Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate. Typical values are 0.0005 to 0.005."""
 SPIN_UP = (0.0009, 0.0065)
@@ -40,10 +42,12 @@ SPIN_UP = (0.0009, 0.0065)
 WARMUP_DPS = 0.02
 """Size of the sensor's own transient, in the middle of the typical range of a warm-up."""
 TRANSIENT_TAU_S = (0.6, 1.15, 2.2, 4.2, 8.0)
-PRESENT = 0.5
-"""Prior probability that an effect acts."""
+PRESENT = 0.1
+"""Prior probability that an effect acts: a table in order, on which one in ten has it at a typical size."""
 SMALLEST_SD_DPS = 1e-6
 """Lower bound of the noise of a reading."""
+LATEST_US = 60_000_000
+"""Time into a run after which its readings are not held against the answer of its first seconds."""
 
 
 @dataclass(frozen=True)
@@ -199,8 +203,7 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
     ``variance`` [N] is that of the white noise of a sample. If it is too small to average over the reading's steps of
     ``step_dps``, a mean keeps the error of a step.
     """
-    standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
-    variance = np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2))
+    variance, standing = _with_steps(variance, step_dps)
     t_s = (face.number + 0.5) * BLOCK_S
     angle = np.deg2rad(abs(w_dps) * t_s)
     ripple_dps = abs(w_dps) * RIPPLE / np.sqrt(2.0)
@@ -224,6 +227,12 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
         found.append((v[:, 5] / pivot + origin[:, 0], 1 / pivot**2 + standing, chi2, log_evidence))
     u, spread, chi2s, evidence = (np.stack(x, axis=1) for x in zip(*found, strict=True))
     return FacePosterior(u, spread, chi2s, evidence, face.number.size, variance / face.n.sum(), standing)
+
+
+def _with_steps(variance: Array, step_dps: float) -> tuple[Array, Array]:
+    """Variance [N] of a sample's noise with that of rounding, and the part of rounding that no mean reduces."""
+    standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
+    return np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2)), standing
 
 
 def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:
@@ -300,6 +309,47 @@ def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:
     """The same [N] for the network's answer, ``u_dps`` [N] of each face, under the distribution of its training data."""
     chi2 = sum(f.chi2_at(u, FIRST_ORDER) for f, u in zip(faces, u_dps, strict=True))
     return np.sqrt(chi2 / sum(f.blocks for f in faces))
+
+
+class LastTurn(NamedTuple):
+    """Mean [N] of measured minus true rate over the last whole turn of the table, and its number of samples."""
+
+    mean_dps: Array
+    samples: int
+
+
+def last_turn(residual_dps: Array, t_us: Index, w_dps: float, after_us: int) -> LastTurn | None:
+    """The last whole turn of a run's samples [N, n] within ``LATEST_US``; None if it begins before ``after_us``.
+
+    ``t_us`` [n] counts from the first sample. A ripple of the table cancels over a turn.
+    """
+    if not w_dps:
+        return None
+    turn_us, latest_us = 360e6 / abs(w_dps), min(int(t_us[-1]), LATEST_US)
+    turns = int(latest_us / turn_us)
+    turns += int((turns + 1) * turn_us) <= latest_us
+    begin_us, end_us = int((turns - 1) * turn_us), int(turns * turn_us)
+    first, last = np.searchsorted(t_us, [begin_us, end_us])
+    if turns < 1 or begin_us < after_us or first == last:
+        return None
+    return LastTurn(np.atleast_2d(residual_dps)[:, first:last].mean(1), int(last - first))
+
+
+def moved(fit: Combined, turn: LastTurn, w_dps: float, variance: Array, step_dps: float = 0.0) -> Array:
+    """Standard errors [N] between what ``fit`` says of a run and the run's last turn.
+
+    A warm-up, or a table that settles slowly, moves the readings by more than first seconds can show, and with them what the
+    second run shows. ``variance`` [N] is that of the white noise of a sample.
+    """
+    variance, standing = _with_steps(variance, step_dps)
+    expected = fit.bias_variance + w_dps**2 * fit.scale_variance
+    off_dps = turn.mean_dps - (fit.bias_dps + fit.scale * w_dps)
+    return np.asarray(np.abs(off_dps) / np.sqrt(expected + variance / turn.samples + standing + DRIFT_SD_DPS**2))
+
+
+def held(misfit: Array, moved: Array, blocks: int) -> Array:
+    """The misfit [N]; beyond its limit by as many standard deviations as the readings moved, if they moved too far."""
+    return np.where(moved > POLICY.misfit_errors, np.maximum(misfit, 1 + moved / np.sqrt(2 * blocks)), misfit)
 
 
 def misfit_limit(blocks: int) -> float:
