@@ -14,10 +14,19 @@ from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.calibration.estimator import Answer
 from gyrocal.calibration.flags import FLAGS
 from gyrocal.calibration.trust import Evidence
-from gyrocal.calibration.uncertainty import Combined, FaceSums, face_posterior, misfit, misfit_limit, white_variance
+from gyrocal.calibration.uncertainty import (
+    LATEST_US,
+    Combined,
+    FaceSums,
+    face_posterior,
+    last_turn,
+    misfit,
+    misfit_limit,
+    white_variance,
+)
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
+from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS, simulate
 
 TABLE_DPS = 78.0
 CAMPAIGN = Path(str(files("gyrocal"))) / "data" / "table2" / "model.toml"
@@ -231,3 +240,44 @@ def test_the_table_of_answers_says_it_in_words(tmp_path: Path, capsys: pytest.Ca
     said = capsys.readouterr().out
     assert "no: misfit" in said
     assert "misfit (1 of 1): the readings scatter more than model and noise allow" in said
+
+
+@pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
+def test_a_warm_up_that_first_seconds_hide_is_seen_in_the_rest_of_the_run(method: str) -> None:
+    """It moves the bias between the faces, which reads as scale: by more than five of the errors that noise alone leaves."""
+    warming, truth = simulate(None, "paper", ["warmup:A_dps=0.05,tau_s=60"], seed=11, scenarios=5, seconds=40.0)
+    whole = calibrate(warming, [6.0], [method])
+    cut = calibrate(warming.with_runs(run.part(0, 1000) for run in warming.runs), [6.0], [method])
+    off = [abs(e.scale - truth["runs"][0]["scale"][2]) / e.scale_se for e in whole]  # type: ignore[operator]
+    assert all(e.flags == ("misfit",) or z < 3 for e, z in zip(whole, off, strict=True)), "flagged, or within its error"
+    assert sum(not e.trusted for e in whole) >= 4
+    assert [(e.scale, e.scale_se) for e in cut] == [(e.scale, e.scale_se) for e in whole], "answers are from the first seconds"
+    assert sum(e.trusted for e in cut) >= 3
+    assert max(off) > 5
+    sound, _ = simulate(None, "paper", seed=11, scenarios=5, seconds=40.0)
+    assert sum(e.trusted for e in calibrate(sound, [2.0, 4.0, 6.0], [method])) >= 14
+
+
+def test_the_rest_of_a_run_that_was_recorded_later_is_not_needed() -> None:
+    """The device has only the first run's when it answers."""
+    warming, _ = simulate(None, "paper", ["warmup:A_dps=0.05,tau_s=60"], seed=12, scenarios=1, seconds=40.0)
+    up, down = warming.runs
+    known = [up, down.part(0, 900)], [up.part(0, 900), down]
+    found = [calibrate(warming.with_runs(runs), [6.0], ["baseline"])[0] for runs in known]
+    assert [e.flags for e in found] == [("misfit",), ()]
+
+
+def test_a_turn_is_whole_after_the_seconds_and_within_the_first_minute() -> None:
+    """A ripple of any order cancels in it; what is later than a minute does not count."""
+    t_us = np.round(np.arange(round(100 * RATE_HZ)) / RATE_HZ * 1e6).astype(np.int64)
+    angle = np.deg2rad(TABLE_DPS * 1e-6 * t_us)
+    y = np.cos(angle + 1.0) + 0.3 * np.sin(2 * angle) + np.where(t_us > LATEST_US, 5.0, 0.0)
+    turn = last_turn(y, t_us, -TABLE_DPS, 6_000_000)
+    assert turn is not None
+    assert turn.samples == pytest.approx(360 / TABLE_DPS * RATE_HZ, abs=1)
+    assert abs(turn.mean_dps[0]) < 0.005
+    turn_us = 360e6 / TABLE_DPS
+    for begins, ends, answered in ((6.0, 2.9, False), (6.0, 3.1, True), (4.7, 2.1, False), (4.6, 2.1, True), (2.0, 0.9, False)):
+        first = t_us[t_us <= ends * turn_us]
+        assert (last_turn(y[: first.size], first, TABLE_DPS, round(begins * 1e6)) is not None) == answered, (begins, ends)
+    assert last_turn(y, t_us, 0.0, 0) is None

@@ -49,7 +49,8 @@ def number(*names: str) -> float:
 def function(name: str) -> Callable[[float], float]:
     """A macro with one parameter."""
     parameter, text = expression(name)
-    return lambda value: float(eval(text, {"sqrt": math.sqrt, "GC_MISFIT_ERRORS": number("GC_MISFIT_ERRORS")}, {parameter: value}))
+    known = {"sqrt": math.sqrt, "GC_MISFIT_ERRORS": number("GC_MISFIT_ERRORS")}
+    return lambda value: float(eval(text, known, {parameter: value}))
 
 
 CONSTANTS = {
