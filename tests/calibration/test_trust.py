@@ -277,7 +277,18 @@ def test_a_turn_is_whole_after_the_seconds_and_within_the_first_minute() -> None
     assert turn.samples == pytest.approx(360 / TABLE_DPS * RATE_HZ, abs=1)
     assert abs(turn.mean_dps[0]) < 0.005
     turn_us = 360e6 / TABLE_DPS
-    for begins, ends, answered in ((6.0, 2.9, False), (6.0, 3.1, True), (4.7, 2.1, False), (4.6, 2.1, True), (2.0, 0.9, False)):
+    cases = (6.0, 2.9, False), (6.0, 3.1, False), (6.0, 3.3, True), (4.7, 2.3, False), (4.6, 2.3, True), (2.0, 0.9, False)
+    for begins, ends, answered in cases:
         first = t_us[t_us <= ends * turn_us]
         assert (last_turn(y[: first.size], first, TABLE_DPS, round(begins * 1e6)) is not None) == answered, (begins, ends)
     assert last_turn(y, t_us, 0.0, 0) is None
+
+
+def test_a_table_that_is_stopped_before_the_run_ends_moves_nothing() -> None:
+    """Its last second is left out, in the one turn that it would spoil as in fast ones."""
+    t_us = np.round(np.arange(round(23.5 * RATE_HZ)) / RATE_HZ * 1e6).astype(np.int64)
+    for w_dps in (TABLE_DPS, 900.0):
+        y = np.where(t_us > t_us[-1] - 990_000, -w_dps, 0.001)
+        turn = last_turn(y, t_us, w_dps, 6_000_000)
+        assert turn is None or turn.mean_dps[0] == pytest.approx(0.001)
+        assert (turn is None) == (w_dps == 900.0)

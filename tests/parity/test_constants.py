@@ -69,6 +69,7 @@ CONSTANTS = {
     "means that show noise at long times, Hz": (uncertainty.SHORT_HZ, ("SHORT_HZ",)),
     "noise is correlated, standard errors": (uncertainty.CORRELATED, ("CORRELATED",)),
     "latest reading held against an answer, us": (uncertainty.LATEST_US, ("LATEST_US",)),
+    "end of a run that is not, us": (uncertainty.STOPS_US, ("STOPS_US",)),
     "too large a misfit, standard deviations": (POLICY.misfit_errors, ("GC_MISFIT_ERRORS",)),
     "an answer disagrees, of its standard error": (POLICY.network_disagrees, ("DISAGREES",)),
     "largest plausible scale": (POLICY.largest_scale, ("LARGEST_SCALE",)),

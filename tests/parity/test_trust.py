@@ -12,6 +12,7 @@ import pytest
 from gyrocal.calibration.estimator import Answer
 from gyrocal.calibration.flags import FLAGS, ordered
 from gyrocal.calibration.trust import Evidence, answer_flags
+from gyrocal.calibration.uncertainty import last_turn
 from gyrocal.core.library import SHARED, build, core_sources
 from gyrocal.recording.session import AXES, Run
 from gyrocal_firmware import CORE
@@ -154,3 +155,25 @@ def test_flags_have_one_list(library: ctypes.CDLL) -> None:
     everything = "+".join(FLAGS)
     assert library.gc_flags_text(ctypes.c_uint32(0xFFFFFFFF), text) == len(everything)
     assert text.value.decode() == everything
+
+
+@pytest.mark.parametrize("w_dps", [20.0, 78.0, 90.0, 288.0, 401.3, 1500.0])
+def test_the_last_turn_is_the_same_to_the_sample(library: ctypes.CDLL, w_dps: float) -> None:
+    """At the ends of turns too, where one sample decides whether a turn is whole, over, or after the seconds of the answer."""
+    rng = np.random.default_rng(3)
+    known = 0
+    for rate_hz, seconds in ((145.0, 14.9), (100.0, 15.0), (104.0, 29.2), (100.0, 13.0), (26.0, 70.0), (12.5, 19.0)):
+        t_us = np.round(np.arange(round(seconds * rate_hz) + 1) / rate_hz * 1e6).astype(np.int64)
+        counts = rng.integers(-20, 20, t_us.size).astype(np.int16) + 1000
+        for after_us in (2_000_000, 4_000_000, 6_000_000):
+            mean = ctypes.c_double()
+            samples = library.last_turn(
+                t_us.ctypes.data_as(ctypes.c_void_p), counts.ctypes.data_as(ctypes.c_void_p), ctypes.c_uint32(t_us.size),
+                ctypes.c_double(rate_hz), ctypes.c_double(-w_dps), ctypes.c_uint64(after_us), ctypes.byref(mean),
+            )  # fmt: skip
+            turn = last_turn(counts[None].astype(float), t_us, -w_dps, after_us)
+            assert samples == (0 if turn is None else turn.samples)
+            if turn is not None:
+                known += 1
+                assert mean.value == pytest.approx(turn.mean_dps[0], rel=1e-12)
+    assert known > 0 or w_dps in (20.0, 401.3, 1500.0)

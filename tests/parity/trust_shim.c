@@ -35,6 +35,16 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     return GC_OK;
 }
 
+uint32_t last_turn(const int64_t *t_us, const int16_t *counts, uint32_t n, double rate_hz, double w, uint64_t after_us, double *mean)
+{
+    static gc_face_t face;
+    gc_face_begin(&face, rate_hz, w);
+    for (uint32_t k = 0; k < n; k++) {
+        gc_face_add(&face, (uint64_t)t_us[k], counts[k]);
+    }
+    return gc_face_last_turn(&face, after_us, mean);
+}
+
 void logs_and_decays(const double *x, uint32_t n, double *logs, double *decays)
 {
     for (uint32_t i = 0; i < n; i++) {

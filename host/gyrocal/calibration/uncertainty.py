@@ -48,6 +48,8 @@ SMALLEST_SD_DPS = 1e-6
 """Lower bound of the noise of a reading."""
 LATEST_US = 60_000_000
 """Time into a run after which its readings are not held against the answer of its first seconds."""
+STOPS_US = 1_000_000
+"""Time before a run's end, in which the table may have been stopped, of which the same is true."""
 
 
 @dataclass(frozen=True)
@@ -319,18 +321,20 @@ class LastTurn(NamedTuple):
 
 
 def last_turn(residual_dps: Array, t_us: Index, w_dps: float, after_us: int) -> LastTurn | None:
-    """The last whole turn of a run's samples [N, n] within ``LATEST_US``; None if it begins before ``after_us``.
+    """The last whole turn of a run's samples [N, n], or the one before if that is over too late; None if it is too early.
 
-    ``t_us`` [n] counts from the first sample. A ripple of the table cancels over a turn.
+    It is over within ``LATEST_US``, and ``STOPS_US`` before the last sample, and begins at ``after_us`` or later. ``t_us`` [n]
+    counts from the first sample. A ripple of the table cancels over a turn.
     """
     if not w_dps:
         return None
     turn_us, latest_us = 360e6 / abs(w_dps), min(int(t_us[-1]), LATEST_US)
     turns = int(latest_us / turn_us)
     turns += int((turns + 1) * turn_us) <= latest_us
+    turns -= int(turns * turn_us) + STOPS_US > int(t_us[-1])
     begin_us, end_us = int((turns - 1) * turn_us), int(turns * turn_us)
     first, last = np.searchsorted(t_us, [begin_us, end_us])
-    if turns < 1 or begin_us < after_us or first == last:
+    if turns < 1 or end_us + STOPS_US > int(t_us[-1]) or begin_us < after_us or first == last:
         return None
     return LastTurn(np.atleast_2d(residual_dps)[:, first:last].mean(1), int(last - first))
 

@@ -12,6 +12,8 @@
 #define MOST_LACKING 0.4       /* the largest part that is corrected for */
 /* Readings later than this are not held against an answer: they tell of the weather rather than of the run's beginning. */
 #define LATEST_US 60000000u
+/* Nor are those of the last second, in which the table may have been stopped. */
+#define STOPS_US 1000000u
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
 /* Time into the run at which so many turns are over. */
@@ -50,20 +52,29 @@ static void add_to_short(gc_face_t *face, gc_face_block_t *block, int16_t count)
 static void add_to_turns(gc_face_t *face, uint64_t since_us, int16_t count) {
     while (since_us >= face->next_turn_us) {
         face->turn[0] = face->turn[1];
-        face->turn[1] = face->total;
+        face->turn[1] = face->turn[2];
+        face->turn[2] = face->total;
         face->next_turn_us = turned_us(face, ++face->turns + 1u);
     }
+    face->since_us = since_us;
     face->total.n++;
     face->total.sum += (int64_t)count - face->origin;
 }
 
 uint32_t gc_face_last_turn(const gc_face_t *face, uint64_t after_us, double *mean) {
-    const uint32_t n = face->turn[1].n - face->turn[0].n;
-    if (n == 0u || turned_us(face, face->turns - 1u) < after_us) {
-        return 0u;
+    for (unsigned back = 0; back < 2u && face->turns > back; back++) {
+        const gc_face_sum_t *begin = &face->turn[1u - back];
+        const gc_face_sum_t *end = &face->turn[2u - back];
+        if (turned_us(face, face->turns - back) + STOPS_US > face->since_us) {
+            continue;
+        }
+        if (end->n == begin->n || turned_us(face, face->turns - back - 1u) < after_us) {
+            return 0u;
+        }
+        *mean = (double)(end->sum - begin->sum) / (double)(end->n - begin->n) + (double)face->origin;
+        return end->n - begin->n;
     }
-    *mean = (double)(face->turn[1].sum - face->turn[0].sum) / (double)n + (double)face->origin;
-    return n;
+    return 0u;
 }
 
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count) {

@@ -44,9 +44,10 @@ typedef struct {
     int64_t short_sum[3]; /* the sum in progress and the two before it */
     uint32_t shorts;
     gc_face_sum_t total;   /* until now */
-    gc_face_sum_t turn[2]; /* until the beginning and the end of the last whole turn */
+    gc_face_sum_t turn[3]; /* until the ends of the last three whole turns, the last one last */
     uint32_t turns;
     uint64_t next_turn_us; /* time into the run at which the next one is over */
+    uint64_t since_us;     /* of the last sample */
     gc_face_block_t block[(GC_CHECKPOINTS * 2000000u) / GC_BLOCK_US];
 } gc_face_t;
 
@@ -55,7 +56,8 @@ void gc_face_begin(gc_face_t *face, double rate_hz, double w_dps);
 /* Adds a sample. Blocks hold the first 6 s, turns the first 60 s. */
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count);
 
-/* Returns the number of samples of the last whole turn, and their mean in counts as *mean; 0 if it began before after_us. */
+/* Returns the number of samples of the last whole turn that was over a second before the last sample, and their mean in counts as
+   *mean; 0 if it began before after_us. */
 uint32_t gc_face_last_turn(const gc_face_t *face, uint64_t after_us, double *mean);
 /* Returns whether a block holds at least half of its nominal number of samples. */
 bool gc_face_has(const gc_face_t *face, unsigned block);
