@@ -189,7 +189,7 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     blocks = sum(f.blocks for f in faces)
     every, limit = Combined.of(faces, W_DPS), misfit_limit(blocks)
     turn = last_turn(population.faces[0], t_us, W_DPS[0], round(1e6 * seconds))
-    off = np.zeros(len(variance)) if turn is None else moved(every, turn, W_DPS[0], variance, LSB_DPS)
+    off = np.zeros(len(variance)) if turn is None else moved(every, turn, W_DPS[0], variance, seconds, LSB_DPS)
 
     def plausible(scale: Array, bias_dps: Array) -> Array:
         found: Array = (np.abs(scale) <= POLICY.largest_scale) & (np.abs(bias_dps) <= POLICY.largest_bias_dps)

@@ -15,9 +15,12 @@ from gyrocal.calibration.estimator import Answer
 from gyrocal.calibration.flags import FLAGS
 from gyrocal.calibration.trust import Evidence
 from gyrocal.calibration.uncertainty import (
+    DRIFT_SD_DPS,
     LATEST_US,
+    LONG_DRIFT_SD_DPS,
     Combined,
     FaceSums,
+    drift_sd_dps,
     face_posterior,
     last_turn,
     misfit,
@@ -292,3 +295,15 @@ def test_a_table_that_is_stopped_before_the_run_ends_moves_nothing() -> None:
         turn = last_turn(y, t_us, w_dps, 6_000_000)
         assert turn is None or turn.mean_dps[0] == pytest.approx(0.001)
         assert (turn is None) == (w_dps == 900.0)
+
+
+def test_the_longer_the_runs_the_more_they_drift() -> None:
+    """White noise averages out over a minute and a drift does not; over the device's six seconds the drift is one."""
+    presumed = [DRIFT_SD_DPS, DRIFT_SD_DPS, 2 * DRIFT_SD_DPS, LONG_DRIFT_SD_DPS]
+    assert [drift_sd_dps(s) for s in (2.0, 6.0, 24.0, 600.0)] == presumed
+    session, _ = simulate(None, "paper", seed=13, scenarios=2, seconds=60.0)
+    drift_dps = []
+    for span_s in (6.0, 60.0):
+        rows = {row.source: row for row in calibrate(session, [span_s], ["baseline"])[0].budget}
+        drift_dps.append(rows["drift"].bias_dps or 0.0)
+    assert drift_dps[1] > 1.5 * drift_dps[0]

@@ -16,7 +16,7 @@ from gyrocal.calibration.flags import ordered
 from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
 from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
-from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
+from gyrocal.calibration.uncertainty import DRIFT_TAU_S, drift_sd_dps
 from gyrocal.effects.base import Role
 from gyrocal.effects.earth_rate import EarthRate, in_known_rate
 from gyrocal.error_model.model import Model
@@ -347,7 +347,8 @@ def _by_model(
         calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
-            calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, DRIFT_SD_DPS, DRIFT_TAU_S))
+            drift_dps = drift_sd_dps(max(run.duration_s for run in mine))
+            calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, drift_dps, DRIFT_TAU_S))
         answer = estimate(calibration, mine)
         if answer is None:
             continue

@@ -122,7 +122,7 @@ class Evidence:
         i = min(range(len(whole)), key=lambda k: whole[k].index)
         turn = last_turn(_residual_dps(whole[i]), whole[i].t_us, w_dps[i], round(1e6 * span_s))
         fit = Combined.of(faces, w_dps)
-        off = 0.0 if turn is None else float(moved(fit, turn, w_dps[i], variance, steps_dps[i])[0])
+        off = 0.0 if turn is None else float(moved(fit, turn, w_dps[i], variance, span_s, steps_dps[i])[0])
         return Evidence(runs, faces, w_dps, off)
 
     @property

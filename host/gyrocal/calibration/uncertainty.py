@@ -33,8 +33,10 @@ CORRELATED = 2.5
 """Number of standard errors by which the level at long times must exceed the white one for the noise to be correlated."""
 
 DRIFT_SD_DPS, DRIFT_TAU_S = 0.0007, 30.0
-"""Standard deviation and correlation time of the drift. A bias instability of 3 deg/h, the typical one of ST's parts of this
-kind, is the largest Allan deviation of 1.35 mdps; half of that errs least for parts between none and that."""
+"""Standard deviation and correlation time of the drift in a few seconds. A bias instability of 3 deg/h, the typical one of ST's
+parts of this kind, is the largest Allan deviation of 1.35 mdps; half of that errs least for parts between none and that."""
+SHORT_S, LONG_DRIFT_SD_DPS = 6.0, 0.0023
+"""In longer runs it is larger, by the root of their length, up to what minutes show: 1.5 to 3 mdps. The device has none."""
 RIPPLE = 0.0018
 """Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate. Typical values are 0.0005 to 0.005."""
 SPIN_UP = (0.0009, 0.0065)
@@ -237,6 +239,11 @@ def _with_steps(variance: Array, step_dps: float) -> tuple[Array, Array]:
     return np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2)), standing
 
 
+def drift_sd_dps(seconds: float) -> float:
+    """Standard deviation of the drift that is presumed in runs of so many seconds."""
+    return min(LONG_DRIFT_SD_DPS, DRIFT_SD_DPS * max(1.0, seconds / SHORT_S) ** 0.5)
+
+
 def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:
     """``C V^-1 C'`` [N, q, q] of ``columns`` [q - 1, B] and ``y_dps`` [N, B], V the covariance of noise and drift.
 
@@ -244,11 +251,12 @@ def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array
     """
     sensors, q = len(y_dps), len(columns) + 1
     gram = np.zeros((sensors, q, q))
-    drift, spread = np.zeros((sensors, q)), np.full(sensors, DRIFT_SD_DPS**2)
+    drift_variance = drift_sd_dps((float(face.number[-1]) + 1) * BLOCK_S) ** 2
+    drift, spread = np.zeros((sensors, q)), np.full(sensors, drift_variance)
     for i, n in enumerate(face.n):
         if i:
             decay = np.exp(-(face.number[i] - face.number[i - 1]) * BLOCK_S / DRIFT_TAU_S)
-            drift, spread = decay * drift, decay**2 * spread + DRIFT_SD_DPS**2 * (1 - decay**2)
+            drift, spread = decay * drift, decay**2 * spread + drift_variance * (1 - decay**2)
         row = np.column_stack([np.broadcast_to(columns[:, i], (sensors, q - 1)), y_dps[:, i]]) - drift
         total = spread + variance / n
         gram += row[:, :, None] * row[:, None, :] / total[:, None, None]
@@ -339,16 +347,16 @@ def last_turn(residual_dps: Array, t_us: Index, w_dps: float, after_us: int) -> 
     return LastTurn(np.atleast_2d(residual_dps)[:, first:last].mean(1), int(last - first))
 
 
-def moved(fit: Combined, turn: LastTurn, w_dps: float, variance: Array, step_dps: float = 0.0) -> Array:
+def moved(fit: Combined, turn: LastTurn, w_dps: float, variance: Array, seconds: float, step_dps: float = 0.0) -> Array:
     """Standard errors [N] between what ``fit`` says of a run and the run's last turn.
 
     A warm-up, or a table that settles slowly, moves the readings by more than first seconds can show, and with them what the
-    second run shows. ``variance`` [N] is that of the white noise of a sample.
+    second run shows. ``variance`` [N] is that of the white noise of a sample, and the fit is from so many ``seconds``.
     """
     variance, standing = _with_steps(variance, step_dps)
     expected = fit.bias_variance + w_dps**2 * fit.scale_variance
     off_dps = turn.mean_dps - (fit.bias_dps + fit.scale * w_dps)
-    return np.asarray(np.abs(off_dps) / np.sqrt(expected + variance / turn.samples + standing + DRIFT_SD_DPS**2))
+    return np.asarray(np.abs(off_dps) / np.sqrt(expected + variance / turn.samples + standing + drift_sd_dps(seconds) ** 2))
 
 
 def held(misfit: Array, moved: Array, blocks: int) -> Array:
