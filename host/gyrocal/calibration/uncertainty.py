@@ -33,8 +33,8 @@ CORRELATED = 2.5
 """Number of standard errors by which the level at long times must exceed the white one for the noise to be correlated."""
 
 DRIFT_SD_DPS, DRIFT_TAU_S = 0.0007, 30.0
-"""Standard deviation and correlation time of the drift in a few seconds. A bias instability of 3 deg/h, the typical one of ST's
-parts of this kind, is the largest Allan deviation of 1.35 mdps; half of that errs least for parts between none and that."""
+"""Standard deviation and correlation time of the drift in a few seconds, chosen for sensors with a bias instability of up to
+3 deg/h. That is the largest Allan deviation of a drift of 1.35 mdps; half of it errs least between none and that."""
 SHORT_S, LONG_DRIFT_SD_DPS = 6.0, 0.0023
 """In longer runs it is larger, by the root of their length, up to what minutes show: 1.5 to 3 mdps. The device has none."""
 RIPPLE = 0.0018

@@ -10,8 +10,8 @@
 
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
 #define RADIANS_A_DEGREE 0.017453292519943295
-/* Standard deviation (dps) and time constant (s) of the drift. A bias instability of 3 deg/h, the typical one of ST's parts of this
-   kind, is the largest Allan deviation of 1.35 mdps; half of that errs least for parts between none and that.
+/* Standard deviation (dps) and time constant (s) of the drift, chosen for sensors with a bias instability of up to 3 deg/h. That is
+   the largest Allan deviation of a drift of 1.35 mdps; half of it errs least between none and that.
    `gyrocal benchmark population` measures what follows from the sizes here. */
 #define DRIFT_SD_DPS 0.0007
 #define DRIFT_TAU_S 30.0
