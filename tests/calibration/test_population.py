@@ -16,28 +16,40 @@ def rows() -> list[Row]:
     return found
 
 
-@pytest.mark.slow
+def of(rows: list[Row], kind: str, *seconds: float) -> list[Row]:
+    found = [r for r in rows if r["effects"] == kind and r["seconds"] in (seconds or (2, 4, 6))]
+    assert {r["method"] for r in found} == {"baseline", "cnn", "model"}
+    return found
+
+
 def test_sound_sensors_anywhere_are_trusted_and_their_errors_honest(rows: list[Row]) -> None:
-    sound = [r for r in rows if not r["effects"] and r["seconds"] == 6]
-    assert {r["method"] for r in sound} == {"baseline", "cnn", "model"}
-    for r in sound:
+    for r in of(rows, "none", 4, 6):
         assert r["trusted"] >= 0.9, r["method"]
-        assert 0.8 <= r["scale_sd"] <= 1.2, r["method"]
-        assert 0.8 <= r["bias_sd"] <= 1.2, r["method"]
-        assert r["trusted_and_far"] == 0, r["method"]
+        assert 0.85 <= r["scale_sd_all"] <= 1.2, r["method"]
+        assert 0.85 <= r["bias_sd_all"] <= 1.2, r["method"]
+    assert all(r["trusted_and_far"] == 0 for r in of(rows, "none"))
 
 
-def test_a_few_seconds_never_make_a_sound_sensors_errors_too_small(rows: list[Row]) -> None:
-    assert max(max(r["scale_sd"], r["bias_sd"]) for r in rows if not r["effects"]) <= 1.1
+def test_two_seconds_allow_for_a_transient_that_they_cannot_exclude(rows: list[Row]) -> None:
+    for r in of(rows, "none", 2):
+        assert min(r["scale_sd_all"], r["bias_sd_all"]) >= 0.65
+        assert max(r["scale_sd_all"], r["bias_sd_all"]) <= 1.1
 
 
-def test_effects_of_typical_size_are_in_the_errors_of_every_method(rows: list[Row]) -> None:
-    """The network's own errors, which know the effects of its training alone, are up to a hundred times too small here."""
-    for r in (r for r in rows if r["effects"]):
-        assert 0.4 <= r["scale_sd"] <= 1.3, r["seconds"]
-        assert 0.4 <= r["bias_sd"] <= 1.3, r["seconds"]
-        assert r["scale_95"] >= 0.85
-        assert r["bias_95"] >= 0.85
+def test_trusted_answers_are_as_far_off_as_they_say_on_tables_with_effects(rows: list[Row]) -> None:
+    for r in of(rows, "typical"):
+        assert 0.65 <= r["scale_sd"] <= 1.2, (r["seconds"], r["method"])
+        assert 0.65 <= r["bias_sd"] <= 1.2, (r["seconds"], r["method"])
+        assert min(r["scale_95"], r["bias_95"]) >= 0.85
+        assert r["trusted_and_far"] <= 1
+
+
+def test_a_warm_up_between_the_faces_is_not_trusted(rows: list[Row]) -> None:
+    """Its errors are many times those stated, and six seconds do not show it; the rest of the first run does."""
+    for r in of(rows, "warm-up", 6):
+        assert r["scale_sd_all"] > 5
+        assert r["trusted"] <= 0.02
+    assert sum(r["trusted_and_far"] for r in of(rows, "warm-up")) == 0
 
 
 def test_finished_rows_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,8 @@ def number(*names: str) -> float:
 def function(name: str) -> Callable[[float], float]:
     """A macro with one parameter."""
     parameter, text = expression(name)
-    return lambda value: float(eval(text, {"sqrt": math.sqrt}, {parameter: value}))
+    known = {"sqrt": math.sqrt, "GC_MISFIT_ERRORS": number("GC_MISFIT_ERRORS")}
+    return lambda value: float(eval(text, known, {parameter: value}))
 
 
 CONSTANTS = {
@@ -67,6 +68,9 @@ CONSTANTS = {
     "least noise, dps": (uncertainty.SMALLEST_SD_DPS, ("SMALLEST_SD_DPS",)),
     "means that show noise at long times, Hz": (uncertainty.SHORT_HZ, ("SHORT_HZ",)),
     "noise is correlated, standard errors": (uncertainty.CORRELATED, ("CORRELATED",)),
+    "latest reading held against an answer, us": (uncertainty.LATEST_US, ("LATEST_US",)),
+    "end of a run that is not, us": (uncertainty.STOPS_US, ("STOPS_US",)),
+    "too large a misfit, standard deviations": (POLICY.misfit_errors, ("GC_MISFIT_ERRORS",)),
     "an answer disagrees, of its standard error": (POLICY.network_disagrees, ("DISAGREES",)),
     "largest plausible scale": (POLICY.largest_scale, ("LARGEST_SCALE",)),
     "largest plausible bias, dps": (POLICY.largest_bias_dps, ("LARGEST_BIAS_DPS",)),

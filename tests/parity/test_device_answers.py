@@ -138,3 +138,20 @@ def test_recording_is_what_was_replayed(replayed: tuple[Session, list[dict]], tm
         assert abs(got.gyro_dps - want.gyro_dps).max() < 1e-6
         assert abs(got.t_us - want.t_us).max() <= 1
         assert abs(got.temp_c - want.temp_c).max() < 1e-5
+
+
+def test_a_run_that_moves_is_seen_on_both(require_tool) -> None:
+    """A warm-up shows in the last turn of the run that was recorded first, and not in the seconds of the answer."""
+    require_tool("cc")
+    session, _ = simulate(None, "paper", ["warmup:A_dps=0.05,tau_s=60"], seed=9, scenarios=2, seconds=30.0)
+    device = [s.fields for s in replay(session, stream="off") if s.tag == "CAL"]
+    host = calibrate(session, None, ["baseline", "cnn"])
+    assert len(host) == len(device) == 12
+    for e in host:
+        (c,) = (
+            c for i, c in enumerate(device)
+            if c["method"] == e.method and float(c["seconds"]) == e.seconds and i // 6 == session.scenarios.index(e.scenario)
+        )  # fmt: skip
+        assert float(c["misfit"]) == pytest.approx(e.misfit, rel=1e-5)
+        assert tuple(filter(None, (c["flags"] or "").split("+"))) == e.flags
+    assert sum(e.flags == ("misfit",) for e in host) >= 6

@@ -12,6 +12,7 @@ import pytest
 from gyrocal.calibration.estimator import Answer
 from gyrocal.calibration.flags import FLAGS, ordered
 from gyrocal.calibration.trust import Evidence, answer_flags
+from gyrocal.calibration.uncertainty import last_turn
 from gyrocal.core.library import SHARED, build, core_sources
 from gyrocal.recording.session import AXES, Run
 from gyrocal_firmware import CORE
@@ -57,7 +58,8 @@ def make_run(y_dps: np.ndarray, t_us: np.ndarray, face: str, rate_hz: float, w_d
 
 
 def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_dps: float = LSB_DPS) -> list[Run]:
-    t_us = np.round(np.arange(round(6.5 * rate_hz)) / rate_hz * 1e6).astype(np.int64)
+    seconds = 40.0 if what in ("warm-up", "long") else 6.5
+    t_us = np.round(np.arange(round(seconds * rate_hz)) / rate_hz * 1e6).astype(np.int64)
     scale, bias_dps = rng.uniform(-0.03, 0.03), rng.uniform(-10, 10)
     runs = []
     for face, w in (("up", w_dps), ("down", -w_dps)):
@@ -65,6 +67,8 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
         y = (1 + scale) * w + bias_dps + rng.normal(0, 0.0448, t_s.size)
         if what == "effects":
             y += w * 0.003 * np.cos(np.deg2rad(w_dps) * t_s + rng.uniform(0, 6)) - w * 0.004 * np.exp(-t_s / 1.7)
+        if what == "warm-up":
+            y += 0.05 * np.exp(-t_s / 60.0)
         if what == "low-pass":
             y += 0.1 * np.convolve(rng.normal(size=t_s.size), np.ones(4) / 2, "same")
         if what == "spike":
@@ -94,6 +98,7 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
         ("null", 145.0, 78.0, LSB_DPS), ("effects", 145.0, 78.0, LSB_DPS), ("low-pass", 416.0, 30.0, LSB_DPS),
         ("spike", 145.0, 78.0, LSB_DPS), ("clipped", 145.0, 78.0, LSB_DPS), ("still", 145.0, 78.0, LSB_DPS),
         ("constant", 145.0, 78.0, LSB_DPS), ("turned", 145.0, 78.0, LSB_DPS), ("missed", 104.0, 78.0, LSB_DPS),
+        ("warm-up", 145.0, 78.0, LSB_DPS), ("warm-up", 145.0, 211.3, 0.1), ("long", 416.0, 33.3, LSB_DPS),
         ("across", 145.0, 78.0, LSB_DPS), ("null", 52.0, 78.0, 0.1), ("null", 12.5, 78.0, LSB_DPS),
     ],
 )  # fmt: skip
@@ -107,17 +112,22 @@ def test_the_core_says_what_the_host_says(
     scale = (means[0] - means[1]) / (2 * w_dps) - 1
     answer = Answer(scale, 3e-5, (means[0] + means[1]) / 2, 2e-3, None)
     got, flags = core(whole, answer, seconds, lsb_dps, known_table)
-    evidence = Evidence.of(runs)
+    evidence = Evidence.of(runs, whole, seconds)
     assert evidence is not None
     told = evidence.with_errors(answer)
-    claimed = answer if known_table else evidence.widened(answer)
-    own = [evidence.misfit_of(answer), claimed.scale_se, claimed.bias_se_dps]
+    if known_table:
+        own = [evidence.misfit_of(answer), answer.scale_se, answer.bias_se_dps]
+    else:
+        claimed = evidence.with_errors_of(answer)
+        own = [claimed.misfit, claimed.scale_se, claimed.bias_se_dps]
     assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, *own], rel=1e-9)
     blocks = sum(np.unique(r.t_us // 250_000).size for r in runs)
     expected = answer_flags(told, blocks)
     if evidence.disagrees(answer):
         expected |= {"disagrees"}
     assert flags == "+".join(ordered(expected))
+    assert (evidence.moved > 2.5) == (what == "warm-up")
+    assert "misfit" in expected or what != "warm-up"
 
 
 def test_logarithm_and_decay_are_within_1e_12_everywhere(library: ctypes.CDLL) -> None:
@@ -145,3 +155,25 @@ def test_flags_have_one_list(library: ctypes.CDLL) -> None:
     everything = "+".join(FLAGS)
     assert library.gc_flags_text(ctypes.c_uint32(0xFFFFFFFF), text) == len(everything)
     assert text.value.decode() == everything
+
+
+@pytest.mark.parametrize("w_dps", [20.0, 78.0, 90.0, 288.0, 401.3, 1500.0])
+def test_the_last_turn_is_the_same_to_the_sample(library: ctypes.CDLL, w_dps: float) -> None:
+    """At the ends of turns too, where one sample decides whether a turn is whole, over, or after the seconds of the answer."""
+    rng = np.random.default_rng(3)
+    known = 0
+    for rate_hz, seconds in ((145.0, 14.9), (100.0, 15.0), (104.0, 29.2), (100.0, 13.0), (26.0, 70.0), (12.5, 19.0)):
+        t_us = np.round(np.arange(round(seconds * rate_hz) + 1) / rate_hz * 1e6).astype(np.int64)
+        counts = rng.integers(-20, 20, t_us.size).astype(np.int16) + 1000
+        for after_us in (2_000_000, 4_000_000, 6_000_000):
+            mean = ctypes.c_double()
+            samples = library.last_turn(
+                t_us.ctypes.data_as(ctypes.c_void_p), counts.ctypes.data_as(ctypes.c_void_p), ctypes.c_uint32(t_us.size),
+                ctypes.c_double(rate_hz), ctypes.c_double(-w_dps), ctypes.c_uint64(after_us), ctypes.byref(mean),
+            )  # fmt: skip
+            turn = last_turn(counts[None].astype(float), t_us, -w_dps, after_us)
+            assert samples == (0 if turn is None else turn.samples)
+            if turn is not None:
+                known += 1
+                assert mean.value == pytest.approx(turn.mean_dps[0], rel=1e-12)
+    assert known > 0 or w_dps in (20.0, 401.3, 1500.0)

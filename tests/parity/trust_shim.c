@@ -12,7 +12,7 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     static gc_face_t face[2];
     static gc_evidence_t evidence;
     for (unsigned i = 0; i < 2; i++) {
-        gc_face_begin(&face[i], rate_hz);
+        gc_face_begin(&face[i], rate_hz, w[i]);
         for (uint32_t k = 0; k < n[i]; k++) {
             gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
         }
@@ -33,6 +33,16 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     answer[4] = net.scale_se;
     answer[5] = net.bias_se_dps;
     return GC_OK;
+}
+
+uint32_t last_turn(const int64_t *t_us, const int16_t *counts, uint32_t n, double rate_hz, double w, uint64_t after_us, double *mean)
+{
+    static gc_face_t face;
+    gc_face_begin(&face, rate_hz, w);
+    for (uint32_t k = 0; k < n; k++) {
+        gc_face_add(&face, (uint64_t)t_us[k], counts[k]);
+    }
+    return gc_face_last_turn(&face, after_us, mean);
 }
 
 void logs_and_decays(const double *x, uint32_t n, double *logs, double *decays)

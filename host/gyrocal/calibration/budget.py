@@ -89,10 +89,10 @@ class BudgetRow:
         }  # fmt: skip
 
 
-def by_evidence(evidence: Evidence, answer: Answer, *, widened: bool = False) -> list[BudgetRow]:
+def by_evidence(evidence: Evidence, answer: Answer, *, of_network: bool = False) -> list[BudgetRow]:
     """The sources of an answer whose errors allow for typical effects: each is what the variance gains by it.
 
-    ``widened`` is true for a network's answer, which adds its own error and its distance from the fit.
+    ``of_network`` is true for a network's answer, which adds its distance from the fit.
     """
     faces, w_dps = evidence.faces, np.array(evidence.w_dps)
     white, noise, standing = (
@@ -102,11 +102,11 @@ def by_evidence(evidence: Evidence, answer: Answer, *, widened: bool = False) ->
     excess = np.array([float(f.excess()[0]) for f in faces])
     names = [WHITE, DRIFT, STEPS, SCATTER]
     sums = [_line(w_dps, v) for v in (white, noise, noise + standing, (noise + standing) * excess)]
-    if widened:
+    if of_network:
         fit = Combined.of(faces, evidence.w_dps)
         names.append(EFFECTS)
         sums.append(np.array([fit.scale_variance[0], fit.bias_variance[0]]))
-    names.append(NETWORK if widened else EFFECTS)
+    names.append(NETWORK if of_network else EFFECTS)
     sums.append(variances(answer, evidence.runs))
     return _rows(names, np.diff(sums, axis=0, prepend=np.zeros((1, 2))))
 

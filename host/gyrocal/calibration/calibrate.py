@@ -16,7 +16,7 @@ from gyrocal.calibration.flags import ordered
 from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
 from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
-from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
+from gyrocal.calibration.uncertainty import DRIFT_TAU_S, drift_sd_dps
 from gyrocal.effects.base import Role
 from gyrocal.effects.earth_rate import EarthRate, in_known_rate
 from gyrocal.error_model.model import Model
@@ -254,8 +254,9 @@ class Found(NamedTuple):
 
 def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | None, method: str) -> list[Estimate]:
     if method == "model":
-        cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
-        found = _by_model([r for r in cut if r is not None], Model.open(task.model), task.noise_of_slopes)
+        cut = [r if r.rate_is_mean or span is None else r.first(span) for r in runs]
+        both = [(first, run) for first, run in zip(cut, runs, strict=True) if first is not None]
+        found = _by_model(both, span, Model.open(task.model), task.noise_of_slopes)
     else:
         found = []
         for up, down in pairs(runs):
@@ -263,7 +264,7 @@ def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | No
             if first[0] is None or first[1] is None:
                 continue
             if method == "baseline":
-                found.append(_by_baseline(first[0], first[1]))
+                found.append(_by_baseline(first[0], first[1], (up, down), span))
             else:
                 found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(task.model, up.axis))
     return [_estimate(task, scenario, method, span, one) for one in found]
@@ -332,22 +333,27 @@ def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
     return max(float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))), 1e-9)
 
 
-def _by_model(runs: Sequence[Run], model: Model, of_slopes: Mapping[str, float]) -> list[Found]:
+def _by_model(
+    runs: Sequence[tuple[Run, Run]], span: float | None, model: Model, of_slopes: Mapping[str, float]
+) -> list[Found]:  # fmt: skip
+    """The model's answers from the first ``span`` s of runs, given as (these seconds, whole run)."""
     found: list[Found] = []
     for axis in AXES:
         # a run turned by hand about another axis shows misalignment more than this axis
-        mine = [r.about(axis) for r in runs if r.axis == axis or not r.rate_is_mean]
+        used = [(first.about(axis), run.about(axis)) for first, run in runs if run.axis == axis or not run.rate_is_mean]
+        mine, whole = [first for first, _ in used], [run for _, run in used]
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
-            calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, DRIFT_SD_DPS, DRIFT_TAU_S))
+            drift_dps = drift_sd_dps(max(run.duration_s for run in mine))
+            calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, drift_dps, DRIFT_TAU_S))
         answer = estimate(calibration, mine)
         if answer is None:
             continue
         steady = all(r.axis == axis and (_steady(r) or not np.any(r.rate_dps)) for r in mine)
-        evidence = Evidence.of(mine) if steady and not fitted else None
+        evidence = Evidence.of(mine, whole, span) if steady and not fitted else None
         if evidence is not None:
             answer = evidence.with_errors(answer)
             sources = by_evidence(evidence, answer)
@@ -359,8 +365,8 @@ def _by_model(runs: Sequence[Run], model: Model, of_slopes: Mapping[str, float])
     return found
 
 
-def _by_baseline(up: Run, down: Run) -> Found:
-    answer, evidence = _baseline(up, down)
+def _by_baseline(up: Run, down: Run, whole: Sequence[Run], span: float | None) -> Found:
+    answer, evidence = _baseline(up, down, whole, span)
     return Found(up.axis, [up, down], answer, sources=[] if evidence is None else by_evidence(evidence, answer))
 
 
@@ -369,12 +375,14 @@ def baseline(up: Run, down: Run) -> Answer:
     return _baseline(up, down)[0]
 
 
-def _baseline(up: Run, down: Run) -> tuple[Answer, Evidence | None]:
+def _baseline(
+    up: Run, down: Run, whole: Sequence[Run] = (), span: float | None = None
+) -> tuple[Answer, Evidence | None]:  # fmt: skip
     w_up, w_down = float(np.mean(up.rate_dps)), float(np.mean(down.rate_dps))
     mean_up, mean_down = (float(np.mean(r.gyro_dps[:, r.axis_index])) for r in (up, down))
     scale = (mean_up - mean_down) / (w_up - w_down) - 1
     answer = Answer(scale, np.nan, mean_up - (1 + scale) * w_up, np.nan, np.nan)
-    evidence = Evidence.of([up, down])
+    evidence = Evidence.of([up, down], whole, span)
     return (answer if evidence is None else evidence.with_errors(answer)), evidence
 
 
@@ -386,11 +394,12 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     if stage is None:
         return []
     used = [run.first(STAGES_S[stage]) or run for run in (up, down)]
-    answer, evidence = network(up, down, stage, prior), Evidence.of(used)
+    answer, evidence = network(up, down, stage, prior), Evidence.of(used, (up, down), STAGES_S[stage])
     if answer is None or evidence is None:
         return [Found(up.axis, used, None, frozenset({"net_range"}))]
     flags = frozenset({"disagrees"} if evidence.disagrees(answer) else ())
-    answer = answer if prior.is_known else evidence.widened(answer)
-    answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
-    sources = by_network(answer, used) if prior.is_known else by_evidence(evidence, answer, widened=True)
+    known = prior.is_known
+    answer = replace(answer, misfit=evidence.misfit_of(answer)) if known else evidence.with_errors_of(answer)
+    answer = replace(answer, scale_se=with_table(answer.scale_se, used))
+    sources = by_network(answer, used) if known else by_evidence(evidence, answer, of_network=True)
     return [Found(up.axis, used, answer, flags, sources)]

@@ -17,9 +17,12 @@ from gyrocal.calibration.uncertainty import (
     FaceSums,
     Index,
     face_posterior,
+    held,
+    last_turn,
     misfit,
     misfit_limit,
     misfit_of,
+    moved,
     white_variance,
 )
 from gyrocal.policy import POLICY
@@ -83,7 +86,11 @@ def answer_flags(answer: Answer, blocks: int) -> set[str]:
 
 
 def _sums(run: Run) -> FaceSums:
-    return FaceSums.of(run.gyro_dps[:, run.axis_index] - run.rate_dps, run.t_us, run.sample_rate_hz)
+    return FaceSums.of(_residual_dps(run), run.t_us, run.sample_rate_hz)
+
+
+def _residual_dps(run: Run) -> Array:
+    return run.gyro_dps[:, run.axis_index] - run.rate_dps
 
 
 @dataclass(frozen=True)
@@ -93,10 +100,16 @@ class Evidence:
     runs: Sequence[Run]
     faces: Sequence[FacePosterior]
     w_dps: Sequence[float]
+    moved: float = 0.0
+    """Standard errors between the answer and the last turn of the run that was recorded first; 0 if that is not known."""
 
     @staticmethod
-    def of(runs: Sequence[Run]) -> Evidence | None:
-        """The evidence of runs about one axis with one sample rate; None if a run contains no whole block."""
+    def of(runs: Sequence[Run], whole: Sequence[Run] = (), span_s: float | None = None) -> Evidence | None:
+        """The evidence of runs about one axis with one sample rate; None if a run contains no whole block.
+
+        ``runs`` are the first ``span_s`` of the runs ``whole``. The rest of the one that was recorded first is held against
+        what they say.
+        """
         sums = [_sums(run) for run in runs]
         if min(s.first_n.sum() for s in sums) == 0:
             return None
@@ -104,7 +117,13 @@ class Evidence:
         w_dps = [float(np.mean(run.rate_dps)) for run in runs]
         steps_dps = [run.count_dps(run.axis_index) for run in runs]
         faces = [face_posterior(s, variance, w, step) for s, w, step in zip(sums, w_dps, steps_dps, strict=True)]
-        return Evidence(runs, faces, w_dps)
+        if not whole or span_s is None:
+            return Evidence(runs, faces, w_dps)
+        i = min(range(len(whole)), key=lambda k: whole[k].index)
+        turn = last_turn(_residual_dps(whole[i]), whole[i].t_us, w_dps[i], round(1e6 * span_s))
+        fit = Combined.of(faces, w_dps)
+        off = 0.0 if turn is None else float(moved(fit, turn, w_dps[i], variance, span_s, steps_dps[i])[0])
+        return Evidence(runs, faces, w_dps, off)
 
     @property
     def blocks(self) -> int:
@@ -121,18 +140,27 @@ class Evidence:
         )
         return Answer(
             answer.scale, with_table(float(scale_se[0]), self.runs), answer.bias_dps, float(bias_se_dps[0]),
-            float(misfit(self.faces)[0]),
+            self._held(misfit(self.faces)),
         )  # fmt: skip
+
+    def _held(self, misfit: Array) -> float:
+        return float(held(misfit, np.array([self.moved]), self.blocks)[0])
 
     def misfit_of(self, answer: Answer) -> float:
         """The misfit of the network's answer."""
         u_dps = [np.array([answer.bias_dps + answer.scale * w]) for w in self.w_dps]
         return float(misfit_of(self.faces, u_dps)[0])
 
-    def widened(self, answer: Answer) -> Answer:
-        """A network's answer with the standard errors of :func:`widened`."""
-        scale_se, bias_se_dps = widened(Combined.of(self.faces, self.w_dps), answer)
-        return replace(answer, scale_se=float(scale_se[0]), bias_se_dps=float(bias_se_dps[0]))
+    def with_errors_of(self, answer: Answer) -> Answer:
+        """A network's answer on a table that may differ from those of its training, with standard errors and misfit.
+
+        The effects of such a table may be larger, slower or of another kind, so that the errors are those which a fit with
+        typical effects expects of the answer.
+        """
+        scale, bias_dps = np.array([answer.scale]), np.array([answer.bias_dps])
+        scale_se, bias_se_dps = Combined.of(self.faces, self.w_dps).errors_of(scale, bias_dps)
+        misfit = self._held(np.array([self.misfit_of(answer)]))
+        return replace(answer, scale_se=float(scale_se[0]), bias_se_dps=float(bias_se_dps[0]), misfit=misfit)
 
     def disagrees(self, answer: Answer) -> bool:
         """True if a fit with the same effects expects a much larger error than the network's answer states."""
@@ -143,19 +171,6 @@ def disagreement(fit: Combined, answer: Answer) -> Array:
     """The larger ratio [N] of expected to stated error of scale and bias. The fields of ``answer`` may be arrays."""
     scale_se, bias_se_dps = fit.errors_of(np.atleast_1d(answer.scale), np.atleast_1d(answer.bias_dps))
     return np.maximum(scale_se / answer.scale_se, bias_se_dps / answer.bias_se_dps)
-
-
-def widened(fit: Combined, answer: Answer) -> tuple[Array, Array]:
-    """Standard errors [N] of a network's scale and bias on a table that may differ from those of its training.
-
-    The effects of such a table may be larger, slower or of another kind. The standard error is therefore at least that of a
-    fit with typical effects, and at least the distance from that fit. The fields of ``answer`` may be arrays.
-    """
-    scale_off, bias_off_dps = np.abs(answer.scale - fit.scale), np.abs(answer.bias_dps - fit.bias_dps)
-    return (
-        np.maximum(np.maximum(answer.scale_se, np.sqrt(fit.scale_variance)), scale_off),
-        np.maximum(np.maximum(answer.bias_se_dps, np.sqrt(fit.bias_variance)), bias_off_dps),
-    )
 
 
 def with_table(scale_se: float, runs: Sequence[Run]) -> float:

@@ -5,6 +5,7 @@ A face at true rate w measures ``u = bias + scale * w``. Its means over blocks o
 counts), an Ornstein-Uhlenbeck drift o, and effects c, ripple of the table and a transient. Whether an effect acts is not known.
 Bayesian model averaging weights 44 hypotheses by their evidence: ripple once and twice a turn or not, and a transient of some
 size and time constant or none. Under each hypothesis c is Gaussian with a typical size, so that everything has a closed form.
+What a few seconds cannot show, the rest of the run may: its last whole turn is held against the answer.
 ``gc_trust`` is the twin on the device (docs/details/device.md).
 
 Arrays hold many sensors at once: N sensors, B blocks.
@@ -31,8 +32,11 @@ SHORT_HZ = 16.0
 CORRELATED = 2.5
 """Number of standard errors by which the level at long times must exceed the white one for the noise to be correlated."""
 
-DRIFT_SD_DPS, DRIFT_TAU_S = 0.0023, 30.0
-"""Standard deviation and correlation time of the drift. Typical MEMS gyroscopes have 1.5 to 3 mdps and 20 to 40 s."""
+DRIFT_SD_DPS, DRIFT_TAU_S = 0.0007, 30.0
+"""Standard deviation and correlation time of the drift in a few seconds, chosen for sensors with a bias instability of up to
+3 deg/h. That is the largest Allan deviation of a drift of 1.35 mdps; half of it errs least between none and that."""
+SHORT_S, LONG_DRIFT_SD_DPS = 6.0, 0.0023
+"""In longer runs it is larger, by the root of their length, up to what minutes show: 1.5 to 3 mdps. The device has none."""
 RIPPLE = 0.0018
 """Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate. Typical values are 0.0005 to 0.005."""
 SPIN_UP = (0.0009, 0.0065)
@@ -40,10 +44,14 @@ SPIN_UP = (0.0009, 0.0065)
 WARMUP_DPS = 0.02
 """Size of the sensor's own transient, in the middle of the typical range of a warm-up."""
 TRANSIENT_TAU_S = (0.6, 1.15, 2.2, 4.2, 8.0)
-PRESENT = 0.5
-"""Prior probability that an effect acts."""
+PRESENT = 0.1
+"""Prior probability that an effect acts: a table in order, on which one in ten has it at a typical size."""
 SMALLEST_SD_DPS = 1e-6
 """Lower bound of the noise of a reading."""
+LATEST_US = 60_000_000
+"""Time into a run after which its readings are not held against the answer of its first seconds."""
+STOPS_US = 1_000_000
+"""Time before a run's end, in which the table may have been stopped, of which the same is true."""
 
 
 @dataclass(frozen=True)
@@ -199,8 +207,7 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
     ``variance`` [N] is that of the white noise of a sample. If it is too small to average over the reading's steps of
     ``step_dps``, a mean keeps the error of a step.
     """
-    standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
-    variance = np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2))
+    variance, standing = _with_steps(variance, step_dps)
     t_s = (face.number + 0.5) * BLOCK_S
     angle = np.deg2rad(abs(w_dps) * t_s)
     ripple_dps = abs(w_dps) * RIPPLE / np.sqrt(2.0)
@@ -226,6 +233,17 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
     return FacePosterior(u, spread, chi2s, evidence, face.number.size, variance / face.n.sum(), standing)
 
 
+def _with_steps(variance: Array, step_dps: float) -> tuple[Array, Array]:
+    """Variance [N] of a sample's noise with that of rounding, and the part of rounding that no mean reduces."""
+    standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
+    return np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2)), standing
+
+
+def drift_sd_dps(seconds: float) -> float:
+    """Standard deviation of the drift that is presumed in runs of so many seconds."""
+    return min(LONG_DRIFT_SD_DPS, DRIFT_SD_DPS * max(1.0, seconds / SHORT_S) ** 0.5)
+
+
 def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:
     """``C V^-1 C'`` [N, q, q] of ``columns`` [q - 1, B] and ``y_dps`` [N, B], V the covariance of noise and drift.
 
@@ -233,11 +251,12 @@ def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array
     """
     sensors, q = len(y_dps), len(columns) + 1
     gram = np.zeros((sensors, q, q))
-    drift, spread = np.zeros((sensors, q)), np.full(sensors, DRIFT_SD_DPS**2)
+    drift_variance = drift_sd_dps((float(face.number[-1]) + 1) * BLOCK_S) ** 2
+    drift, spread = np.zeros((sensors, q)), np.full(sensors, drift_variance)
     for i, n in enumerate(face.n):
         if i:
             decay = np.exp(-(face.number[i] - face.number[i - 1]) * BLOCK_S / DRIFT_TAU_S)
-            drift, spread = decay * drift, decay**2 * spread + DRIFT_SD_DPS**2 * (1 - decay**2)
+            drift, spread = decay * drift, decay**2 * spread + drift_variance * (1 - decay**2)
         row = np.column_stack([np.broadcast_to(columns[:, i], (sensors, q - 1)), y_dps[:, i]]) - drift
         total = spread + variance / n
         gram += row[:, :, None] * row[:, None, :] / total[:, None, None]
@@ -300,6 +319,49 @@ def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:
     """The same [N] for the network's answer, ``u_dps`` [N] of each face, under the distribution of its training data."""
     chi2 = sum(f.chi2_at(u, FIRST_ORDER) for f, u in zip(faces, u_dps, strict=True))
     return np.sqrt(chi2 / sum(f.blocks for f in faces))
+
+
+class LastTurn(NamedTuple):
+    """Mean [N] of measured minus true rate over the last whole turn of the table, and its number of samples."""
+
+    mean_dps: Array
+    samples: int
+
+
+def last_turn(residual_dps: Array, t_us: Index, w_dps: float, after_us: int) -> LastTurn | None:
+    """The last whole turn of a run's samples [N, n], or the one before if that is over too late; None if it is too early.
+
+    It is over within ``LATEST_US``, and ``STOPS_US`` before the last sample, and begins at ``after_us`` or later. ``t_us`` [n]
+    counts from the first sample. A ripple of the table cancels over a turn.
+    """
+    if not w_dps:
+        return None
+    turn_us, latest_us = 360e6 / abs(w_dps), min(int(t_us[-1]), LATEST_US)
+    turns = int(latest_us / turn_us)
+    turns += int((turns + 1) * turn_us) <= latest_us
+    turns -= int(turns * turn_us) + STOPS_US > int(t_us[-1])
+    begin_us, end_us = int((turns - 1) * turn_us), int(turns * turn_us)
+    first, last = np.searchsorted(t_us, [begin_us, end_us])
+    if turns < 1 or end_us + STOPS_US > int(t_us[-1]) or begin_us < after_us or first == last:
+        return None
+    return LastTurn(np.atleast_2d(residual_dps)[:, first:last].mean(1), int(last - first))
+
+
+def moved(fit: Combined, turn: LastTurn, w_dps: float, variance: Array, seconds: float, step_dps: float = 0.0) -> Array:
+    """Standard errors [N] between what ``fit`` says of a run and the run's last turn.
+
+    A warm-up, or a table that settles slowly, moves the readings by more than first seconds can show, and with them what the
+    second run shows. ``variance`` [N] is that of the white noise of a sample, and the fit is from so many ``seconds``.
+    """
+    variance, standing = _with_steps(variance, step_dps)
+    expected = fit.bias_variance + w_dps**2 * fit.scale_variance
+    off_dps = turn.mean_dps - (fit.bias_dps + fit.scale * w_dps)
+    return np.asarray(np.abs(off_dps) / np.sqrt(expected + variance / turn.samples + standing + drift_sd_dps(seconds) ** 2))
+
+
+def held(misfit: Array, moved: Array, blocks: int) -> Array:
+    """The misfit [N]; beyond its limit by as many standard deviations as the readings moved, if they moved too far."""
+    return np.where(moved > POLICY.misfit_errors, np.maximum(misfit, 1 + moved / np.sqrt(2 * blocks)), misfit)
 
 
 def misfit_limit(blocks: int) -> float:

@@ -108,7 +108,7 @@ def build(
         )
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines()
-            first = next((line for line in lines if "error" in line), lines[0] if lines else f"exit {done.returncode}")
+            first = next((line for line in lines if "error:" in line), lines[0] if lines else f"exit {done.returncode}")
             raise GyrocalError(f"the C compiler refused {name}: {first.replace(folder + os.sep, '')}")
         output.chmod(0o700)
         built = folder_of_all / f"{key_name}{_hash_of(output)}{'.so' if '-shared' in flags else ''}"

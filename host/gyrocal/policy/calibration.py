@@ -33,7 +33,8 @@ class Calibration:
         larger="failures at low sample rates pass", smaller="chance makes readings of quiet sensors equal", chosen_by=DEVICE,
     )  # fmt: skip
     misfit_errors: float = threshold(
-        2.5, "standard deviations by which the misfit of noise alone must be exceeded for the flag misfit",
+        2.5, "standard deviations by which the misfit of noise alone must be exceeded for the flag misfit, or by which the "
+        "last turn of the first run must differ from the answer",
         larger="answers with unmodelled effects are trusted", smaller="sound answers are flagged",
         chosen_by="tail of the normal distribution; pytest tests/parity/test_constants.py",
     )  # fmt: skip

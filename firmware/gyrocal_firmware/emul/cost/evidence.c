@@ -10,7 +10,7 @@ static gc_answer_t answer = {0.004, 1e-4, 0.1, 1e-2, 1.0};
 static unsigned part;
 
 void cost_prepare(void) {
-    gc_face_begin(&face, 145.0);
+    gc_face_begin(&face, 145.0, 78.0);
     for (unsigned i = 0; i < 870u; i++) {
         gc_face_add(&face, (uint64_t)(1e6 * (double)i / 145.0 + 0.5), (int16_t)(8950 + (int)(i * 7u % 23u)));
     }

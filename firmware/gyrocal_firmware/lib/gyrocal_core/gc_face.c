@@ -10,11 +10,23 @@
 #define SECOND_SPREAD 1.35     /* standard deviation of their level, times the square root of the number of blocks */
 #define LOWPASS (5.0 / 9.0)    /* the part that a mean of L samples takes from second differences, times n / (L - 1/L) */
 #define MOST_LACKING 0.4       /* the largest part that is corrected for */
+/* Readings later than this are not held against an answer: they tell of the weather rather than of the run's beginning. */
+#define LATEST_US 60000000u
+/* Nor are those of the last second, in which the table may have been stopped. */
+#define STOPS_US 1000000u
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
-void gc_face_begin(gc_face_t *face, double rate_hz) {
+/* Time into the run at which so many turns are over. */
+static uint64_t turned_us(const gc_face_t *face, uint32_t turns) {
+    const double t_us = (double)turns * face->turn_us;
+    return t_us < LATEST_US + 1.0 ? (uint64_t)t_us : UINT64_MAX;
+}
+
+void gc_face_begin(gc_face_t *face, double rate_hz, double w_dps) {
     memset(face, 0, sizeof *face);
     face->rate_hz = rate_hz;
+    face->turn_us = fabs(w_dps) > 0.0 ? 360e6 / fabs(w_dps) : 0.0;
+    face->next_turn_us = face->turn_us > 0.0 ? turned_us(face, 1u) : UINT64_MAX;
     face->short_samples = (uint32_t)(rate_hz / SHORT_HZ + 0.5);
     if (face->short_samples == 0u) {
         face->short_samples = 1u;
@@ -37,11 +49,40 @@ static void add_to_short(gc_face_t *face, gc_face_block_t *block, int16_t count)
     face->short_n = 0;
 }
 
+static void add_to_turns(gc_face_t *face, uint64_t since_us, int16_t count) {
+    while (since_us >= face->next_turn_us) {
+        face->turn[0] = face->turn[1];
+        face->turn[1] = face->turn[2];
+        face->turn[2] = face->total;
+        face->next_turn_us = turned_us(face, ++face->turns + 1u);
+    }
+    face->since_us = since_us;
+    face->total.n++;
+    face->total.sum += (int64_t)count - face->origin;
+}
+
+uint32_t gc_face_last_turn(const gc_face_t *face, uint64_t after_us, double *mean) {
+    for (unsigned back = 0; back < 2u && face->turns > back; back++) {
+        const gc_face_sum_t *begin = &face->turn[1u - back];
+        const gc_face_sum_t *end = &face->turn[2u - back];
+        if (turned_us(face, face->turns - back) + STOPS_US > face->since_us) {
+            continue;
+        }
+        if (end->n == begin->n || turned_us(face, face->turns - back - 1u) < after_us) {
+            return 0u;
+        }
+        *mean = (double)(end->sum - begin->sum) / (double)(end->n - begin->n) + (double)face->origin;
+        return end->n - begin->n;
+    }
+    return 0u;
+}
+
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count) {
     if (!face->begun) {
         face->first_us = t_us;
         face->origin = count;
     }
+    add_to_turns(face, t_us - face->first_us, count);
     const uint64_t number = (t_us - face->first_us) / GC_BLOCK_US;
     if (number >= GC_FACE_BLOCKS) {
         return;

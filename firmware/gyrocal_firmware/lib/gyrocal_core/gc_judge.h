@@ -14,7 +14,8 @@ extern "C" {
 
 /* The largest misfit of readings that fit. It lies 2.5 standard deviations above the misfit of `blocks` blocks of noise alone, so
    that about 6 in 1000 sound answers exceed it. */
-#define GC_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (blocks)))
+#define GC_MISFIT_ERRORS 2.5
+#define GC_MISFIT_LIMIT(blocks) (1.0 + GC_MISFIT_ERRORS / sqrt(2.0 * (blocks)))
 
 /* A reading that is further off table_dps, as a fraction of it, is reported. A pair tells this apart from the bias, but not from the
    scale error of the sensor: this fraction is three times the 1 % of the datasheet. */

@@ -37,7 +37,7 @@ void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_
     run->first = first;
     run->bits = run->latest_bits = no_bits;
     gc_baseline_begin(&run->baseline, settings->rate_hz);
-    gc_face_begin(&run->seconds, settings->rate_hz);
+    gc_face_begin(&run->seconds, settings->rate_hz, run->w_dps);
 }
 
 static void note_checkpoints(gc_run_t *run, unsigned before) {

@@ -64,7 +64,7 @@ typedef struct {
     uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
     uint64_t still_since_us, still_longest_us;
     gc_baseline_t baseline;
-    gc_face_t seconds; /* its first ones, by blocks */
+    gc_face_t seconds; /* its first ones, by blocks, and its last turn */
     uint32_t n_at[GC_CHECKPOINTS];
     int64_t temp_at[GC_CHECKPOINTS];
 } gc_run_t;

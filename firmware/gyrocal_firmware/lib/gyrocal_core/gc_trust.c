@@ -1,6 +1,7 @@
 #include "gc_trust.h"
 
 #include "gc_error.h"
+#include "gc_judge.h"
 #include "gc_math.h"
 
 #include <float.h>
@@ -9,17 +10,18 @@
 
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
 #define RADIANS_A_DEGREE 0.017453292519943295
-/* Standard deviation (dps) and time constant (s) of the drift. Consumer MEMS gyroscopes typically have 1.5 to 3 mdps and 20 to
-   40 s; these are the middles. `gyrocal benchmark population` measures what follows from the sizes here. */
-#define DRIFT_SD_DPS 0.0023
+/* Standard deviation (dps) and time constant (s) of the drift, chosen for sensors with a bias instability of up to 3 deg/h. That is
+   the largest Allan deviation of a drift of 1.35 mdps; half of it errs least between none and that.
+   `gyrocal benchmark population` measures what follows from the sizes here. */
+#define DRIFT_SD_DPS 0.0007
 #define DRIFT_TAU_S 30.0
 /* Amplitude of the table's ripple, once or twice a turn, as a fraction of its rate. Typical are 0.0005 to 0.005; this is near
    their geometric mean. */
 #define RIPPLE 0.0018
 /* Size (dps) of the sensor's own transient after power-on: within the typical 5 to 50 mdps. */
 #define WARMUP_DPS 0.02
-/* The prior probability that an effect acts. Nothing is known of the table, so that each is as likely as not. */
-#define PRESENT 0.5
+/* The prior probability that an effect acts: a table in order, on which one in ten has it at a typical size. */
+#define PRESENT 0.1
 /* The least noise (dps) that is assumed of a reading. It only keeps divisions finite. */
 #define SMALLEST_SD_DPS 1e-6
 /* A network's answer disagrees if its expected error, by the fit of the effects, exceeds the stated standard error by
@@ -81,13 +83,24 @@ static void columns_of(const gc_shapes_t *s, double y_dps, double *x) {
     x[Y] = y_dps;
 }
 
+/* The variance of rounding that no mean reduces, if the noise is too small to average over the reading's steps. */
+static double standing_of(const gc_evidence_t *evidence) {
+    const double step = evidence->lsb_dps * evidence->lsb_dps;
+    return 4.0 * evidence->white_dps2 < step ? step / 12.0 : 0.0;
+}
+
+/* The variance of a sample's noise, which is at least that of rounding. */
+static double noise_of(const gc_evidence_t *evidence) {
+    const double lsb_dps = evidence->lsb_dps;
+    return fmax(evidence->white_dps2, fmax(lsb_dps * lsb_dps / 12.0, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
+}
+
 /* Adds blocks from `begin` on to C V^-1 C', where C holds the columns and V is the covariance of noise and drift. A Kalman filter
    of the drift whitens them. */
 static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned begin) {
     const gc_face_t *face = e->face;
     const double lsb_dps = evidence->lsb_dps;
-    const double step = lsb_dps * lsb_dps / 12.0;
-    const double variance = fmax(evidence->white_dps2, fmax(step, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
+    const double variance = noise_of(evidence);
     const double phi_step = gc_decay(BLOCK_S / DRIFT_TAU_S);
     const unsigned end = begin + WHITENED < evidence->seen ? begin + WHITENED : evidence->seen;
     gc_whitening_t *w = &evidence->whitening;
@@ -162,8 +175,7 @@ static void weigh(gram_t g, double det, size_t decay, double size, double origin
 
 /* Weighs the half of the hypotheses that is without or with ripple twice a turn. */
 static void weigh_all(const gc_evidence_t *evidence, gc_face_evidence_t *e, bool twice) {
-    const double step = evidence->lsb_dps * evidence->lsb_dps;
-    const double standing = 4.0 * evidence->white_dps2 < step ? step / 12.0 : 0.0;
+    const double standing = standing_of(evidence);
     gc_hypothesis_t *h = e->hypothesis + (twice ? GC_FIRST_ORDER : 0u);
     for (unsigned waves = twice ? 2u : 0u; waves < (twice ? 4u : 2u); waves++) {
         gram_t left;
@@ -291,6 +303,22 @@ static void average(gc_evidence_t *evidence) {
     }
 }
 
+/* Holds the average against the last whole turn of the run that began first. A ripple cancels over a turn. A warm-up, or a table
+   that settles, moves the readings, and with them what the second run shows. */
+static double moved(const gc_evidence_t *evidence) {
+    const gc_face_evidence_t *e = &evidence->of[evidence->of[0].face->first_us <= evidence->of[1].face->first_us ? 0 : 1];
+    const gc_combined_t *all = &evidence->all;
+    double mean = 0.0;
+    const uint32_t n = gc_face_last_turn(e->face, (uint64_t)evidence->seen * GC_BLOCK_US, &mean);
+    if (n == 0u) {
+        return 0.0;
+    }
+    const double off_dps = evidence->lsb_dps * mean - e->w_dps - (all->mean[1] + all->mean[0] * e->w_dps);
+    const double expected = all->variance[1] + e->w_dps * e->w_dps * all->variance[0];
+    const double own = noise_of(evidence) / (double)n + standing_of(evidence) + DRIFT_SD_DPS * DRIFT_SD_DPS;
+    return fabs(off_dps) / sqrt(expected + own);
+}
+
 bool gc_evidence_go_on(gc_evidence_t *evidence) {
     const unsigned part = evidence->parts++;
     if (part < 2u * FACE_PARTS) {
@@ -307,6 +335,7 @@ bool gc_evidence_go_on(gc_evidence_t *evidence) {
         return false;
     }
     average(evidence);
+    evidence->moved = moved(evidence);
     return true;
 }
 
@@ -319,11 +348,17 @@ static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, 
     *bias_se_dps = sqrt(all->variance[1] + bias_off * bias_off);
 }
 
+/* The misfit, which exceeds its limit by as many standard deviations as the readings moved if they moved too far. NaN stays NaN. */
+static double held(const gc_evidence_t *evidence, double misfit) {
+    const double least = 1.0 + evidence->moved / sqrt(2.0 * (double)(evidence->of[0].blocks + evidence->of[1].blocks));
+    return evidence->moved > GC_MISFIT_ERRORS && misfit < least ? least : misfit;
+}
+
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
     const double dof = (double)evidence->of[0].blocks + (double)evidence->of[1].blocks - 2.0;
     const double chi2 = evidence->of[0].hypothesis[0].chi2 + evidence->of[1].hypothesis[0].chi2;
     errors_of(evidence, answer, &answer->scale_se, &answer->bias_se_dps);
-    answer->misfit = dof > 0.0 ? sqrt(chi2 / dof) : NAN;
+    answer->misfit = held(evidence, dof > 0.0 ? sqrt(chi2 / dof) : NAN);
 }
 
 /* The chi-square of a face's blocks about u_dps, under the hypothesis that is the likeliest for this u. */
@@ -342,11 +377,6 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
     return chi2;
 }
 
-/* The largest of three: the claimed standard error, the fit's, and the distance between the two answers. NaN stays NaN. */
-static double widened(double se, double variance, double distance) {
-    const double least = fmax(sqrt(variance), fabs(distance));
-    return least > se ? least : se;
-}
 
 uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer) {
     const gc_face_evidence_t *of = evidence->of;
@@ -360,9 +390,10 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_a
     /* network paper has standard errors of NaN, for which this is false */
     const bool disagrees = scale_se > DISAGREES * answer->scale_se || bias_se_dps > DISAGREES * answer->bias_se_dps;
     if (!known_table) {
-        const gc_combined_t *fit = &evidence->all;
-        answer->scale_se = widened(answer->scale_se, fit->variance[0], answer->scale - fit->mean[0]);
-        answer->bias_se_dps = widened(answer->bias_se_dps, fit->variance[1], answer->bias_dps - fit->mean[1]);
+        const bool claims = answer->scale_se == answer->scale_se; /* network paper has none */
+        answer->scale_se = claims ? scale_se : answer->scale_se;
+        answer->bias_se_dps = claims ? bias_se_dps : answer->bias_se_dps;
+        answer->misfit = held(evidence, answer->misfit);
     }
     return disagrees ? (uint32_t)GC_FLAG_DISAGREES : 0u;
 }

@@ -75,6 +75,7 @@ typedef struct {
     gc_combined_t each[GC_EVIDENCE_EFFECTS]; /* given each combination of effects */
     double log_weight[GC_EVIDENCE_EFFECTS];
     gc_combined_t all; /* averaged over the effects */
+    double moved;      /* standard errors between it and the last turn of the first run; 0 = not known */
 } gc_evidence_t;
 
 /* Begins to weigh the first `blocks` blocks of two faces with one sample rate, at true rates w_a and w_b (dps); one count is
@@ -84,10 +85,11 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
                       double w_b_dps, double lsb_dps);
 /* Does the next part of the work, each of which is short. Returns true when all parts are done. */
 bool gc_evidence_go_on(gc_evidence_t *evidence);
-/* Sets the standard errors and the misfit of the baseline's answer, which assumes no effects. */
+/* Sets the standard errors and the misfit of the baseline's answer, which assumes no effects. The misfit is beyond its limit if the
+   last whole turn of the run that began first is too far from what the evidence says of it. */
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
 /* Sets the misfit of a network's answer and returns GC_FLAG_DISAGREES or 0. Unless known_table says that the network was trained
-   for tables like this one, the standard errors become at least those of the averaged fit, and at least the distance from it. */
+   for tables like this one, standard errors and misfit are found as for the baseline. */
 uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer);
 
 #ifdef __cplusplus
