@@ -16,6 +16,7 @@ import numpy as np
 
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
+from gyrocal.diagnosis.bounded_noise import bounded
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import (
@@ -26,7 +27,6 @@ from gyrocal.diagnosis.levels import (
     Remainder,
     beside_findings,
     floor_of,
-    noise_beside,
     pooled,
     spectrum_of,
     white_power,
@@ -41,7 +41,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import beside_misfit, fit
-from gyrocal.inference.fitted import Fit
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
@@ -60,6 +60,9 @@ class Comparison(Shown):
     """Comparison of a model with a session. ``fit`` has the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
+    likeliest: Fit = field(repr=False)
+    """The same model with the likeliest noise, against which effects are judged. Where the model misfits, part of that noise is
+    the misfit, and ``fit`` has the noise that is left beside it (:mod:`gyrocal.diagnosis.bounded_noise`)."""
     pooled: Level
     per_axis: dict[str, Level]
     where: list[Finding]
@@ -156,9 +159,8 @@ class Comparison(Shown):
 
 @dataclass(frozen=True)
 class _Measured:
-    """One axis: mean squares of held-out residuals, in-sample residuals, the power of the white noise (dps^2)."""
+    """One axis: in-sample residuals, the power of the white noise (dps^2)."""
 
-    squares: MeanSquares
     remainder: Remainder
     white_power: float
 
@@ -189,10 +191,9 @@ def measure(
     def measured(axis: str) -> _Measured:
         cleaned = Cleaned.of(fitted, axis)
         lines = spectrum_of(fitted, axis, cleaned.by_run)
-        squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
         n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
         tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
-        return _Measured(squares, Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
+        return _Measured(Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
 
     on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
     spectra = {axis: m.remainder.spectrum for axis, m in on.items()}
@@ -201,22 +202,26 @@ def measure(
     judged = [a for a in fitted.axes if a not in blocked]
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
-    def floor(axis: str) -> Floor:
-        noise = noise_beside(fitted.axes[axis], axis, misfit.found)
-        return floor_of(noise, folds, white[axis], beside_findings(fitted.axes[axis], axis, misfit.found))
+    def levels(axis: str) -> tuple[AxisFit, MeanSquares, Floor]:
+        current = fitted.axes[axis]
+        clean = beside_findings(current, axis, misfit.found)
+        drawn = current if clean is current else bounded(current, clean)
+        squares = MeanSquares.of(heldout.predictions(fitted.on(axis, drawn), folds))
+        return drawn, squares, floor_of(drawn, folds, white[axis], clean)
 
-    floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
-    squares = {axis: m.squares for axis, m in on.items()}
+    on_axes = dict(zip(fitted.axes, each(levels, fitted.axes, session.rows), strict=True))
+    drawn = replace(fitted, axes={axis: found for axis, (found, _, _) in on_axes.items()})
+    squares, floors = ({axis: of[k] for axis, of in on_axes.items()} for k in (1, 2))
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = _with_left_over(fitted, misfit, squares, floors, judged)
+    where = _with_left_over(drawn, misfit, squares, floors, judged)
     failing = {f.axis for f in where}
     warnings = plausibility.of_fit(fitted, warnings, failing)
     if failing:
-        fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
+        drawn = beside_misfit(drawn, [axis for axis in fitted.axes if axis in failing])
     together = pooled(squares, floors, plausibility.absent(warnings))
     return Comparison(
-        fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
-        misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
+        drawn, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
+        misfit.nearest, warnings=warnings, angles=Angles.of(drawn, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 

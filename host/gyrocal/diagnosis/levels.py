@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.probes import beside
+from gyrocal.diagnosis.probes import beside, with_curves
 from gyrocal.diagnosis.readings import single_readings
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
@@ -205,9 +205,9 @@ def _largest_of_cycles(axis: AxisFit) -> float:
 
 
 def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
-    """The fit with the probes' findings as further columns."""
+    """The fit with the probes' findings as further columns, steps with the curve through them."""
     shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
-    return beside(current, axis, shapes) if shapes else current
+    return beside(current, axis, with_curves(current, shapes)) if shapes else current
 
 
 def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
