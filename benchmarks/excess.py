@@ -27,8 +27,7 @@ NOISE_DPS2 = WHITE_SD_DPS**2 + LSB_DPS**2 / 12
 
 @dataclass(frozen=True)
 class Case:
-    """A simulated session: campaign, effect (empty: none), and the axis on which it acts, and the length of the block means, s,
-    that show the effect."""
+    """A simulated session: campaign, effect (empty: none), the axis on which it acts, and the block means that show it."""
 
     campaign: str
     effect: str = ""
@@ -72,8 +71,10 @@ NULL = tuple(
 
 
 def least_squares_dps(session: Session, turn_on_dps: Array, axis: str, means_s: float) -> tuple[float, float]:
-    """What scale and bias by least squares leave of block means beyond the simulated noise, deg/s: in sample, and where each day
-    (each run, in a session of one day) is predicted from the others."""
+    """What scale and bias by least squares leave of block means beyond the simulated noise, deg/s.
+
+    In sample, and where each day (each run, in a session of one day) is predicted from the others.
+    """
     a = AXES.index(axis)
     y, x, per_mean = [], [], []
     for run, offset in zip(session.runs, turn_on_dps[:, a], strict=True):
@@ -100,7 +101,8 @@ def least_squares_dps(session: Session, turn_on_dps: Array, axis: str, means_s: 
 
 def planted() -> None:
     print("mdps; LS: least squares in sample, and held out; off: errors by which the excess differs from either")
-    print(f"{'session':66s} {'excess':>16s} {'LS':>7s} {'off':>6s} {'LS out':>7s} {'off':>6s} {'within':>17s} {'rms':>7s} {'floor':>7s}")
+    heads = " ".join(f"{head:>7s}" for head in ("LS", "off", "LS out", "off"))
+    print(f"{'session':66s} {'excess':>17s} {heads} {'within':>17s} {'rms':>7s} {'floor':>7s}")
     agree = np.zeros(2, dtype=int)
     for case in PLANTED:
         session, turn_on_dps = case.session()
@@ -114,7 +116,7 @@ def planted() -> None:
         )  # fmt: skip
         off = [(excess - 1e3 * truth) / se for truth in truths]
         agree += np.abs(off) <= 2
-        told = " ".join(f"{1e3 * truth:7.2f} {o:6.1f}" for truth, o in zip(truths, off, strict=True))
+        told = " ".join(f"{1e3 * truth:7.2f} {o:7.1f}" for truth, o in zip(truths, off, strict=True))
         print(
             f"{case!s:66s} {excess:8.2f} +- {se:5.2f} {told} {within:8.2f} +- {within_se:5.2f} {rms:7.2f} {floor:7.2f}",
             flush=True,

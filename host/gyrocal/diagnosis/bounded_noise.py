@@ -1,10 +1,10 @@
 """The fit that is told and drawn where an effect is missing: its drift is at most what is left beside the misfit.
 
 With an effect missing, the likeliest drift is the effect itself. A transient at the start of each run becomes a drift of the
-transient's size, by which least squares then weighs: the model follows some seconds of each run and misses the others, and the
-excess is neither that of the model nor that of the effect. Beside the shapes that the tests of the residual have found, the drift
-is that of the sensor. With it the model is the one that a person would draw through the readings. Likelihoods are compared at
-the likeliest noise all the same, so that naming an effect does not use this fit.
+transient's size, by which least squares then weighs: the model follows some seconds of each run and misses the others, and its
+excess is not that of the effect. Beside the shapes that the tests of the residual have found, the drift is that of the sensor.
+With it the model is the one that a person would draw through the readings. Effects are compared at the likeliest noise all the
+same, so that naming one does not use this fit.
 """
 
 from __future__ import annotations
@@ -19,15 +19,27 @@ from gyrocal.noise.whitening import Noise
 
 
 def bounded(current: AxisFit, clean: AxisFit) -> AxisFit:
-    """The model of ``current`` with the noise and the spreads over power cycles of ``clean``, the fit beside a misfit."""
+    """The model of ``current`` by least squares, with the noise and the spreads over power cycles of ``clean``.
+
+    ``clean`` is the fit beside the misfit. The errors of its parameters are those of generalised least squares at that noise, and contain the misfit. The weights are
+    those of white noise: weights of drift prefer the ends of runs, where a transient is.
+    """
     design = current.design
     same = clean.spreads.scenario.size == current.spreads.scenario.size
     spreads = Spreads(current.spreads.run, clean.spreads.scenario if same else current.spreads.scenario)
-    grams, logdet = design.grams(clean.noise)
-    equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
-    solution = equations.solve(spreads)
-    return finish(
-        replace(current, noise=clean.noise, spreads=spreads, solution=solution, grams=grams, logdet=logdet), reported=True
+
+    def at(weights: Noise) -> AxisFit:
+        grams, logdet = design.grams(weights)
+        equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
+        solution = equations.solve(spreads)
+        return replace(current, noise=weights, spreads=spreads, solution=solution, grams=grams, logdet=logdet)
+
+    errors = finish(at(clean.noise), reported=True, misfit=True)
+    drawn = finish(at(replace(clean.noise, ou_sd_dps=0.0)))
+    pairs = zip(drawn.terms, errors.terms, strict=True)
+    return replace(
+        drawn, noise=clean.noise, solution=replace(drawn.solution, cov=errors.solution.cov),
+        terms=tuple(replace(term, se=beside.se) for term, beside in pairs), noise_model=errors.noise_model,
     )  # fmt: skip
 
 

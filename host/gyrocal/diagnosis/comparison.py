@@ -17,7 +17,7 @@ import numpy as np
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.bounded_noise import bounded
-from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
+from gyrocal.diagnosis.drawn import described, described_again, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import (
     Cleaned,
@@ -27,6 +27,7 @@ from gyrocal.diagnosis.levels import (
     Remainder,
     beside_findings,
     floor_of,
+    of_misfit,
     pooled,
     spectrum_of,
     white_power,
@@ -165,6 +166,31 @@ class _Measured:
     white_power: float
 
 
+@dataclass(frozen=True)
+class _Drawn:
+    """One axis as it is told and drawn: the fit with the noise beside the misfit, its mean squares, and its floor."""
+
+    fit: AxisFit
+    squares: MeanSquares
+    floor: Floor
+
+    @staticmethod
+    def of(fitted: Fit, axis: str, misfit: Misfit, folds: list[heldout.Fold], white_power: float) -> _Drawn:
+        current = fitted.axes[axis]
+        clean = beside_findings(current, axis, misfit.found)
+        fit = current if clean is current else bounded(current, clean)
+        held = heldout.predictions(fitted.on(axis, fit), folds)
+        squares = MeanSquares.of(held) if clean is current else of_misfit(fit, held, folds)
+        return _Drawn(fit, squares, floor_of(fit, folds, white_power, clean))
+
+
+def _described_again(told: Fit, fitted: Fit, misfit: Misfit) -> Misfit:
+    """The findings in the size and words of the residual that is drawn, where that is another one."""
+    changed = [axis for axis in fitted.axes if told.axes[axis] is not fitted.axes[axis]]
+    found = [described_again(told.axes[f.axis], f) if f.axis in changed else f for f in misfit.found]
+    return replace(misfit, found=found)
+
+
 @one_thread
 def measure(
     session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, about: bool = False,
@@ -202,26 +228,22 @@ def measure(
     judged = [a for a in fitted.axes if a not in blocked]
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
-    def levels(axis: str) -> tuple[AxisFit, MeanSquares, Floor]:
-        current = fitted.axes[axis]
-        clean = beside_findings(current, axis, misfit.found)
-        drawn = current if clean is current else bounded(current, clean)
-        squares = MeanSquares.of(heldout.predictions(fitted.on(axis, drawn), folds))
-        return drawn, squares, floor_of(drawn, folds, white[axis], clean)
+    def drawn(axis: str) -> _Drawn:
+        return _Drawn.of(fitted, axis, misfit, folds, white[axis])
 
-    on_axes = dict(zip(fitted.axes, each(levels, fitted.axes, session.rows), strict=True))
-    drawn = replace(fitted, axes={axis: found for axis, (found, _, _) in on_axes.items()})
-    squares, floors = ({axis: of[k] for axis, of in on_axes.items()} for k in (1, 2))
+    drawn_on = dict(zip(fitted.axes, each(drawn, fitted.axes, session.rows), strict=True))
+    squares, floors = {a: d.squares for a, d in drawn_on.items()}, {a: d.floor for a, d in drawn_on.items()}
+    told = replace(fitted, axes={axis: d.fit for axis, d in drawn_on.items()})
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = _with_left_over(drawn, misfit, squares, floors, judged)
+    where = _with_left_over(told, _described_again(told, fitted, misfit), squares, floors, judged)
     failing = {f.axis for f in where}
     warnings = plausibility.of_fit(fitted, warnings, failing)
-    if failing:
-        drawn = beside_misfit(drawn, [axis for axis in fitted.axes if axis in failing])
+    turned = any(run.rate_is_mean for run in session.runs)
+    told = beside_misfit(told, [a for a in fitted.axes if a in failing and (turned or told.axes[a] is fitted.axes[a])])
     together = pooled(squares, floors, plausibility.absent(warnings))
     return Comparison(
-        drawn, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
-        misfit.nearest, warnings=warnings, angles=Angles.of(drawn, folds) if by_angle(session) else None,
+        told, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
+        misfit.nearest, warnings=warnings, angles=Angles.of(told, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 

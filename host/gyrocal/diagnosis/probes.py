@@ -25,7 +25,6 @@ from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.base import variables
 from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
 
-
 LARGEST_CONDITION = 1e6
 """Condition number of columns above which they are not fitted together."""
 
