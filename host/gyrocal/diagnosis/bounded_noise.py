@@ -21,7 +21,7 @@ from gyrocal.noise.whitening import Noise
 def bounded(current: AxisFit, clean: AxisFit) -> AxisFit:
     """The model of ``current`` by least squares, with the noise and the spreads over power cycles of ``clean``.
 
-    ``clean`` is the fit beside the misfit. The errors of its parameters are those of generalised least squares at that noise, and
+    ``clean`` is the fit beside the misfit. The errors of the parameters are those of generalised least squares at its noise and
     contain the misfit. The weights are those of white noise: weights of drift prefer the ends of runs, where a transient is.
     """
     design = current.design

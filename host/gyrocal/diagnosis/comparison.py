@@ -7,7 +7,7 @@ residual; :func:`gyrocal.diagnosis.compare.compare` adds what naming an effect f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -168,27 +168,50 @@ class _Measured:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """One axis as it is told and drawn: the fit with the noise beside the misfit, its mean squares, and its floor."""
+    """One axis as it is told and drawn: the fit with the noise beside the findings, its mean squares, and its floor."""
 
     fit: AxisFit
     squares: MeanSquares
     floor: Floor
 
     @staticmethod
-    def of(fitted: Fit, axis: str, misfit: Misfit, folds: list[heldout.Fold], white_power: float) -> _Drawn:
+    def of(fitted: Fit, axis: str, found: Sequence[Finding], folds: list[heldout.Fold], white_power: float) -> _Drawn:
         current = fitted.axes[axis]
-        clean = beside_findings(current, axis, misfit.found)
+        clean = beside_findings(current, axis, found)
         fit = current if clean is current else bounded(current, clean)
         held = heldout.predictions(fitted.on(axis, fit), folds)
         squares = MeanSquares.of(held) if clean is current else of_misfit(fit, held, folds)
         return _Drawn(fit, squares, floor_of(fit, folds, white_power, clean))
 
 
-def _described_again(told: Fit, fitted: Fit, misfit: Misfit) -> Misfit:
+def _drawn(
+    fitted: Fit, misfit: Misfit, folds: list[heldout.Fold], white: dict[str, float], judged: list[str]
+) -> tuple[dict[str, _Drawn], list[Finding]]:
+    """Each axis as it is drawn, and all findings in the words of what is drawn.
+
+    An excess that follows a variable is found last. The noise is then what is left beside that too.
+    """
+
+    def beside(found: Sequence[Finding], axes: Iterable[str]) -> dict[str, _Drawn]:
+        listed = list(axes)
+        of_axes = each(lambda axis: _Drawn.of(fitted, axis, found, folds, white[axis]), listed, fitted.session.rows)
+        return dict(zip(listed, of_axes, strict=True))
+
+    drawn = beside(misfit.found, fitted.axes)
+    told = replace(misfit, found=_described_again(fitted, drawn, misfit.found))
+    where = _with_left_over(replace(fitted, axes={a: d.fit for a, d in drawn.items()}), told, drawn, judged)
+    known = {id(f.shape) for f in misfit.found}
+    more = {f.axis for f in where if f.shape is not None and id(f.shape) not in known}
+    if more:
+        drawn |= beside(where, more)
+        where = [*_described_again(fitted, drawn, where)]
+    return drawn, where
+
+
+def _described_again(fitted: Fit, drawn: dict[str, _Drawn], found: Sequence[Finding]) -> list[Finding]:
     """The findings in the size and words of the residual that is drawn, where that is another one."""
-    changed = [axis for axis in fitted.axes if told.axes[axis] is not fitted.axes[axis]]
-    found = [described_again(told.axes[f.axis], f) if f.axis in changed else f for f in misfit.found]
-    return replace(misfit, found=found)
+    changed = [axis for axis in fitted.axes if drawn[axis].fit is not fitted.axes[axis]]
+    return [described_again(drawn[f.axis].fit, f) if f.axis in changed else f for f in found]
 
 
 @one_thread
@@ -228,14 +251,10 @@ def measure(
     judged = [a for a in fitted.axes if a not in blocked]
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
-    def drawn(axis: str) -> _Drawn:
-        return _Drawn.of(fitted, axis, misfit, folds, white[axis])
-
-    drawn_on = dict(zip(fitted.axes, each(drawn, fitted.axes, session.rows), strict=True))
-    squares, floors = {a: d.squares for a, d in drawn_on.items()}, {a: d.floor for a, d in drawn_on.items()}
-    told = replace(fitted, axes={axis: d.fit for axis, d in drawn_on.items()})
+    drawn, where = _drawn(fitted, misfit, folds, white, judged)
+    squares, floors = {a: d.squares for a, d in drawn.items()}, {a: d.floor for a, d in drawn.items()}
+    told = replace(fitted, axes={axis: d.fit for axis, d in drawn.items()})
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = _with_left_over(told, _described_again(told, fitted, misfit), squares, floors, judged)
     failing = {f.axis for f in where}
     warnings = plausibility.of_fit(fitted, warnings, failing)
     turned = any(run.rate_is_mean for run in session.runs)
@@ -248,16 +267,16 @@ def measure(
 
 
 def _with_left_over(
-    fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
+    fitted: Fit, misfit: Misfit, drawn: dict[str, _Drawn], judged: list[str]
 ) -> list[Finding]:
     """The findings of all axes with an excess beyond that of noise, on axes where the others describe little of it."""
     out = []
     for axis in fitted.axes:
         current, found = fitted.axes[axis], [f for f in misfit.found if f.axis == axis]
         # the slope of measured angles has noise that no floor of rates describes
-        if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_slopes(current):
-            excess = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-            large = excess.amplitude_dps**2 > max(POLICY.least_excess**2 * floors[axis].within, rounding_power(current))
+        if axis in judged and drawn[axis].squares.samples and axis in misfit.nearest and not of_slopes(current):
+            excess = of_excess(drawn[axis].squares, drawn[axis].floor, misfit.nearest[axis])
+            large = excess.amplitude_dps**2 > max(POLICY.least_excess**2 * drawn[axis].floor.within, rounding_power(current))
             told = sum(drawn_power(current, f) for f in found)
             if excess.chance < misfit.share and large and told <= POLICY.told * max(excess.amplitude_dps**2, variance(current)):
                 shown = _as_drawn(fitted, excess)

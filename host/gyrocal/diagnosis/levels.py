@@ -224,9 +224,9 @@ def _largest_of_cycles(axis: AxisFit) -> float:
 
 
 def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
-    """The fit with the probes' findings as further columns, steps with the curve through them."""
-    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
-    return beside(current, axis, with_curves(current, shapes)) if shapes else current
+    """The fit with the probes' findings as further columns, steps with a smooth curve through them."""
+    shapes, runs = [f.shape for f in where if f.axis == axis and f.shape is not None], [b.run for b in current.design.blocks]
+    return beside(current, axis, with_curves(current, shapes, lambda steps: steps.smooth(runs))) if shapes else current
 
 
 def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:

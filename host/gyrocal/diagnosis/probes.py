@@ -6,7 +6,7 @@ coefficients against their covariance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -36,8 +36,8 @@ def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
     return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
 
 
-def with_curves(current: AxisFit, shapes: Sequence[Shape]) -> list[Shape]:
-    """The shapes; steps of a variable that changes within them with the curve that they follow only roughly.
+def with_curves(current: AxisFit, shapes: Sequence[Shape], curve: Callable[[Steps], Shape]) -> list[Shape]:
+    """The shapes; steps of a variable that changes within them with the ``curve`` that they follow only roughly.
 
     Curves that the other columns determine are left out.
     """
@@ -50,9 +50,10 @@ def with_curves(current: AxisFit, shapes: Sequence[Shape]) -> list[Shape]:
     known = np.column_stack([np.ones(int(current.design.n_blocks.sum())), *map(columns, out)])
     for shape in shapes:
         if isinstance(shape, Steps):
-            more = np.column_stack([known, columns(shape.bends())])
+            beyond = curve(shape)
+            more = np.column_stack([known, columns(beyond)])
             if np.linalg.cond(more / np.maximum(np.linalg.norm(more, axis=0), 1e-300)) < LARGEST_CONDITION:
-                out, known = [*out, shape.bends()], more
+                out, known = [*out, beyond], more
     return out
 
 

@@ -64,7 +64,7 @@ def without_echoes(
     if not doubted:
         return [first, *(f for f in found if f is not first)]
     shapes = [f.shape for f in leading if f.shape is not None]
-    clean = beside(fitted.axes[axis], axis, shapes if len(shapes) > 1 else with_curves(fitted.axes[axis], shapes))
+    clean = beside(fitted.axes[axis], axis, shapes if len(shapes) > 1 else with_curves(fitted.axes[axis], shapes, Steps.bends))
 
     def stays(f: Finding) -> bool:
         if f not in doubted or f.shape is None:
