@@ -21,26 +21,18 @@ from gyrocal.noise.whitening import Noise
 def bounded(current: AxisFit, clean: AxisFit) -> AxisFit:
     """The model of ``current`` by least squares, with the noise and the spreads over power cycles of ``clean``.
 
-    ``clean`` is the fit beside the misfit. The errors of the parameters are those of generalised least squares at its noise and
-    contain the misfit. The weights are those of white noise: weights of drift prefer the ends of runs, where a transient is.
+    ``clean`` is the fit beside the misfit. The weights are those of white noise: weights of drift prefer the ends of runs,
+    where a transient is. Errors stay those of ``current``.
     """
     design = current.design
     same = clean.spreads.scenario.size == current.spreads.scenario.size
     spreads = Spreads(current.spreads.run, clean.spreads.scenario if same else current.spreads.scenario)
-
-    def at(weights: Noise) -> AxisFit:
-        grams, logdet = design.grams(weights)
-        equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
-        solution = equations.solve(spreads)
-        return replace(current, noise=weights, spreads=spreads, solution=solution, grams=grams, logdet=logdet)
-
-    errors = finish(at(clean.noise), reported=True, misfit=True)
-    drawn = finish(at(replace(clean.noise, ou_sd_dps=0.0)))
-    pairs = zip(drawn.terms, errors.terms, strict=True)
-    return replace(
-        drawn, noise=clean.noise, solution=replace(drawn.solution, cov=errors.solution.cov),
-        terms=tuple(replace(term, se=beside.se) for term, beside in pairs), noise_model=errors.noise_model,
-    )  # fmt: skip
+    grams, logdet = design.grams(replace(clean.noise, ou_sd_dps=0.0))
+    equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
+    solution = replace(equations.solve(spreads), cov=current.solution.cov)
+    drawn = replace(current, noise=clean.noise, spreads=spreads, solution=solution, grams=grams, logdet=logdet)
+    pairs = zip(current.terms, finish(drawn).terms, strict=True)
+    return replace(drawn, terms=tuple(replace(term, values=found.values) for term, found in pairs))
 
 
 def at_most(fitted: AxisFit, bound: Noise) -> AxisFit:

@@ -253,12 +253,10 @@ def measure(
 
     drawn, where = _drawn(fitted, misfit, folds, white, judged)
     squares, floors = {a: d.squares for a, d in drawn.items()}, {a: d.floor for a, d in drawn.items()}
-    told = replace(fitted, axes={axis: d.fit for axis, d in drawn.items()})
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
     failing = {f.axis for f in where}
     warnings = plausibility.of_fit(fitted, warnings, failing)
-    turned = any(run.rate_is_mean for run in session.runs)
-    told = beside_misfit(told, [a for a in fitted.axes if a in failing and (turned or told.axes[a] is fitted.axes[a])])
+    told = beside_misfit(fitted, [a for a in fitted.axes if a in failing], {a: d.fit for a, d in drawn.items()})
     together = pooled(squares, floors, plausibility.absent(warnings))
     return Comparison(
         told, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
