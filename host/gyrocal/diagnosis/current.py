@@ -122,5 +122,5 @@ class Current:
 
     def _drawn(self, fitted: AxisFit) -> AxisFit:
         """Another fit with no more drift than the comparison found beside the misfit of its model."""
-        drawn = self.comparison.fit.axes[self.axis]
-        return fitted if drawn is self.comparison.likeliest.axes[self.axis] else at_most(fitted, drawn.noise)
+        bound = self.comparison.fit.axes[self.axis].noise
+        return fitted if bound == self.comparison.likeliest.axes[self.axis].noise else at_most(fitted, bound)

@@ -26,7 +26,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.noise_shape import beyond_color, of_slopes
-from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
+from gyrocal.inference.reml import LARGEST_SPREAD
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST
@@ -227,16 +227,6 @@ def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> Ax
     """The fit with the probes' findings as further columns, steps with a smooth curve through them."""
     shapes, runs = [f.shape for f in where if f.axis == axis and f.shape is not None], [b.run for b in current.design.blocks]
     return beside(current, axis, with_curves(current, shapes, lambda steps: steps.smooth(runs))) if shapes else current
-
-
-def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
-    """The fit with the noise that remains beside the probes' findings, which otherwise counts the misfit as noise."""
-    clean = beside_findings(current, axis, where)
-    if clean is current:
-        return current
-    same = clean.spreads.scenario.size == current.spreads.scenario.size
-    scenario = clean.spreads.scenario if same else current.spreads.scenario
-    return replace(current, noise=clean.noise, spreads=Spreads(current.spreads.run, scenario))
 
 
 @dataclass(frozen=True)
