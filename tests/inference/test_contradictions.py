@@ -54,10 +54,12 @@ def test_an_effect_that_the_model_lacks_is_in_the_error_of_the_scale(
 def test_compare_states_the_wider_error_where_its_tests_find_a_misfit() -> None:
     session = recorded([SPIN_UP], "full", 1, 20.0, 7100)
     found = measure(session, Model.builtin("default"))
-    errors = [f.model.line("scale", "z").se["scale"] for f in (fit(session, Model.builtin("default")), found.fit)]
+    lines = [f.model.line("scale", "z") for f in (fit(session, Model.builtin("default")), found.fit)]
+    errors, off = [line.se["scale"] for line in lines], [abs(line.values["scale"] - SCALE) for line in lines]
     assert "z" in {f.axis for f in found.where}
     assert errors[1] > 2 * errors[0]
-    assert abs(found.fit.model.line("scale", "z").values["scale"] - SCALE) < 2 * errors[1]
+    assert off[1] < 2 * errors[1]
+    assert off[1] < off[0] / 3  # a drift of the spin-up's size weighs the first seconds of each run
 
 
 def test_where_the_model_fits_the_parts_differ_as_noise_says() -> None:

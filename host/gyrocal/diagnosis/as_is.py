@@ -20,7 +20,7 @@ from gyrocal.diagnosis.angles import Angles
 from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.diagnosis.drawn import most_visible_of
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, floor_of, noise_beside, pooled
+from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, floor_of, pooled
 from gyrocal.diagnosis.moved import Moved, parameters_moved, strongest_first
 from gyrocal.diagnosis.probes import of_session
 from gyrocal.effects.base import Role
@@ -87,10 +87,9 @@ def _as_it_is(own: Comparison, held: Kept) -> Comparison:
     folds = [heldout.whole(held.fit)]
     squares, floors, white, axes = {}, {}, {}, {}
     for axis, fitted in held.fit.axes.items():
-        clean = replace(fitted, noise=noise_beside(own.fit.axes[axis], axis, own.where).noise)
         white[axis] = own.white_power[axis]
         squares[axis] = MeanSquares.of(heldout.predictions(held.fit.on(axis), folds))
-        floors[axis] = _with_model_error(floor_of(clean, folds, white[axis], own.fit.axes[axis]), fitted, held.of_model[axis])
+        floors[axis] = _with_model_error(floor_of(fitted, folds, white[axis], own.fit.axes[axis]), fitted, held.of_model[axis])
         axes[axis] = fitted
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in axes}
     angles = None if own.angles is None else Angles.of(held.fit, folds, held.of_model)

@@ -7,7 +7,7 @@ residual; :func:`gyrocal.diagnosis.compare.compare` adds what naming an effect f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ import numpy as np
 
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
-from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
+from gyrocal.diagnosis.bounded_noise import bounded
+from gyrocal.diagnosis.drawn import described, described_again, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import (
     Cleaned,
@@ -26,7 +27,7 @@ from gyrocal.diagnosis.levels import (
     Remainder,
     beside_findings,
     floor_of,
-    noise_beside,
+    of_misfit,
     pooled,
     spectrum_of,
     white_power,
@@ -41,7 +42,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import beside_misfit, fit
-from gyrocal.inference.fitted import Fit
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
@@ -60,6 +61,9 @@ class Comparison(Shown):
     """Comparison of a model with a session. ``fit`` has the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
+    likeliest: Fit = field(repr=False)
+    """The same model with the likeliest noise, against which effects are judged. Where the model misfits, part of that noise is
+    the misfit, and ``fit`` has the noise that is left beside it (:mod:`gyrocal.diagnosis.bounded_noise`)."""
     pooled: Level
     per_axis: dict[str, Level]
     where: list[Finding]
@@ -156,11 +160,58 @@ class Comparison(Shown):
 
 @dataclass(frozen=True)
 class _Measured:
-    """One axis: mean squares of held-out residuals, in-sample residuals, the power of the white noise (dps^2)."""
+    """One axis: in-sample residuals, the power of the white noise (dps^2)."""
 
-    squares: MeanSquares
     remainder: Remainder
     white_power: float
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """One axis as it is told and drawn: the fit with the noise beside the findings, its mean squares, and its floor."""
+
+    fit: AxisFit
+    squares: MeanSquares
+    floor: Floor
+
+    @staticmethod
+    def of(fitted: Fit, axis: str, found: Sequence[Finding], folds: list[heldout.Fold], white_power: float) -> _Drawn:
+        current = fitted.axes[axis]
+        clean = beside_findings(current, axis, found)
+        fit = current if clean is current else bounded(current, clean)
+        held = heldout.predictions(fitted.on(axis, fit), folds)
+        squares = MeanSquares.of(held) if clean is current else of_misfit(fit, held, folds)
+        return _Drawn(fit, squares, floor_of(fit, folds, white_power, clean))
+
+
+def _drawn(
+    fitted: Fit, misfit: Misfit, folds: list[heldout.Fold], white: dict[str, float], judged: list[str]
+) -> tuple[dict[str, _Drawn], list[Finding]]:
+    """Each axis as it is drawn, and all findings in the words of what is drawn.
+
+    An excess that follows a variable is found last. The noise is then what is left beside that too.
+    """
+
+    def beside(found: Sequence[Finding], axes: Iterable[str]) -> dict[str, _Drawn]:
+        listed = list(axes)
+        of_axes = each(lambda axis: _Drawn.of(fitted, axis, found, folds, white[axis]), listed, fitted.session.rows)
+        return dict(zip(listed, of_axes, strict=True))
+
+    drawn = beside(misfit.found, fitted.axes)
+    told = replace(misfit, found=_described_again(fitted, drawn, misfit.found))
+    where = _with_left_over(replace(fitted, axes={a: d.fit for a, d in drawn.items()}), told, drawn, judged)
+    known = {id(f.shape) for f in misfit.found}
+    more = {f.axis for f in where if f.shape is not None and id(f.shape) not in known}
+    if more:
+        drawn |= beside(where, more)
+        where = [*_described_again(fitted, drawn, where)]
+    return drawn, where
+
+
+def _described_again(fitted: Fit, drawn: dict[str, _Drawn], found: Sequence[Finding]) -> list[Finding]:
+    """The findings in the size and words of the residual that is drawn, where that is another one."""
+    changed = [axis for axis in fitted.axes if drawn[axis].fit is not fitted.axes[axis]]
+    return [described_again(drawn[f.axis].fit, f) if f.axis in changed else f for f in found]
 
 
 @one_thread
@@ -189,10 +240,9 @@ def measure(
     def measured(axis: str) -> _Measured:
         cleaned = Cleaned.of(fitted, axis)
         lines = spectrum_of(fitted, axis, cleaned.by_run)
-        squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
         n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
         tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
-        return _Measured(squares, Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
+        return _Measured(Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
 
     on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
     spectra = {axis: m.remainder.spectrum for axis, m in on.items()}
@@ -201,36 +251,30 @@ def measure(
     judged = [a for a in fitted.axes if a not in blocked]
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
-    def floor(axis: str) -> Floor:
-        noise = noise_beside(fitted.axes[axis], axis, misfit.found)
-        return floor_of(noise, folds, white[axis], beside_findings(fitted.axes[axis], axis, misfit.found))
-
-    floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
-    squares = {axis: m.squares for axis, m in on.items()}
+    drawn, where = _drawn(fitted, misfit, folds, white, judged)
+    squares, floors = {a: d.squares for a, d in drawn.items()}, {a: d.floor for a, d in drawn.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = _with_left_over(fitted, misfit, squares, floors, judged)
     failing = {f.axis for f in where}
     warnings = plausibility.of_fit(fitted, warnings, failing)
-    if failing:
-        fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
+    told = beside_misfit(fitted, [a for a in fitted.axes if a in failing], {a: d.fit for a, d in drawn.items()})
     together = pooled(squares, floors, plausibility.absent(warnings))
     return Comparison(
-        fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
-        misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
+        told, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
+        misfit.nearest, warnings=warnings, angles=Angles.of(told, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 
 def _with_left_over(
-    fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
+    fitted: Fit, misfit: Misfit, drawn: dict[str, _Drawn], judged: list[str]
 ) -> list[Finding]:
     """The findings of all axes with an excess beyond that of noise, on axes where the others describe little of it."""
     out = []
     for axis in fitted.axes:
         current, found = fitted.axes[axis], [f for f in misfit.found if f.axis == axis]
         # the slope of measured angles has noise that no floor of rates describes
-        if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_slopes(current):
-            excess = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-            large = excess.amplitude_dps**2 > max(POLICY.least_excess**2 * floors[axis].within, rounding_power(current))
+        if axis in judged and drawn[axis].squares.samples and axis in misfit.nearest and not of_slopes(current):
+            excess = of_excess(drawn[axis].squares, drawn[axis].floor, misfit.nearest[axis])
+            large = excess.amplitude_dps**2 > max(POLICY.least_excess**2 * drawn[axis].floor.within, rounding_power(current))
             told = sum(drawn_power(current, f) for f in found)
             if excess.chance < misfit.share and large and told <= POLICY.told * max(excess.amplitude_dps**2, variance(current)):
                 shown = _as_drawn(fitted, excess)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from gyrocal.diagnosis.bounded_noise import at_most
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
 from gyrocal.diagnosis.rate_wave import RateWave, rate_wave
@@ -37,8 +38,8 @@ class Current:
     @classmethod
     def of(cls, comparison: Comparison, axis: str) -> Current:
         """The model of a comparison on one axis."""
-        rounded = beside_rounding(comparison.fit, axis)
-        return cls(comparison, axis, rounded, changed=rounded is not comparison.fit.axes[axis])
+        rounded = beside_rounding(comparison.likeliest, axis)
+        return cls(comparison, axis, rounded, changed=rounded is not comparison.likeliest.axes[axis])
 
     @property
     def index(self) -> int:
@@ -63,7 +64,7 @@ class Current:
     @cached_property
     def folds(self) -> list[heldout.Fold]:
         """The parts of the data that are left out in turn."""
-        return heldout.folds(self.comparison.fit)
+        return heldout.folds(self.comparison.likeliest)
 
     @cached_property
     def squares(self) -> MeanSquares:
@@ -113,8 +114,13 @@ class Current:
 
     def squares_of(self, fitted: AxisFit) -> MeanSquares:
         """Mean squares of another fit's held-out residuals, dps^2."""
-        return MeanSquares.of(heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds))
+        return MeanSquares.of(heldout.predictions(self.comparison.fit.on(self.axis, self._drawn(fitted)), self.folds))
 
     def floor_of(self, fitted: AxisFit) -> Floor:
         """The floor of another fit's held-out residuals."""
-        return floor_of(fitted, self.folds, self.white_power)
+        return floor_of(self._drawn(fitted), self.folds, self.white_power)
+
+    def _drawn(self, fitted: AxisFit) -> AxisFit:
+        """Another fit with no more drift than the comparison found beside the misfit of its model."""
+        bound = self.comparison.fit.axes[self.axis].noise
+        return fitted if bound == self.comparison.likeliest.axes[self.axis].noise else at_most(fitted, bound)

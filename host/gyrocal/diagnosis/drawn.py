@@ -7,6 +7,7 @@ instead, and part of that shape may be what the model absorbs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
-from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Waves, per_turn
+from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, StepsOfRuns, Waves, per_turn
 
 
 def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
@@ -40,6 +41,18 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
         return amplitude, f"{size}; mostly {wave}{phase}"
     words = shape.words if isinstance(shape, Columns) else ""
     return amplitude, f"{size}, {words}" if words else size
+
+
+def described_again(current: AxisFit, finding: Finding) -> Finding:
+    """A finding in the size and words of another residual: that of the fit which is drawn.
+
+    What differs from run to run, or happens in single runs, keeps its own.
+    """
+    shape, runs = finding.shape, [b.run for b in current.design.blocks]
+    if shape is None or isinstance(shape, (ShapeOfEachRun, StepsOfRuns)) or any(map(shape.lacks, runs)):
+        return finding
+    amplitude_dps, note = described(current, shape)
+    return replace(finding, amplitude_dps=amplitude_dps, note=note)
 
 
 def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple[str, Shape] | None:

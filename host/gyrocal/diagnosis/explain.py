@@ -287,7 +287,7 @@ def _without_needless(
         effect = base.effects().get(effect_id)
         if effect is None or effect.fast or effect_id in step.removed or (axis, effect_id) in dropped:
             return False
-        whole = last.comparison.fit.axes[axis]
+        whole = last.comparison.likeliest.axes[axis]
         rest = without(Current.of(last.comparison, axis), [effect_id]).fit
         chance = likelihood_ratio(rest, whole, max(1, added_parameters(rest, whole)))[1]
         return effect.looks([b.run for b in whole.design.blocks], whole.design.axis) * chance * tested >= POLICY.name_alarm

@@ -78,12 +78,13 @@ def _slow_part(squares: MeanSquares, floor: Floor) -> MeanSquares:
 def _drop(before: MeanSquares, after: MeanSquares, floor: Floor) -> tuple[float, float]:
     """Excess before minus excess after with its standard error, deg/s.
 
-    The noise of both is the same, so only its correlation with the part that is removed remains in the error.
+    The noise of both is the same, so only its correlation with the part that is removed remains in the error: that of white
+    noise, and that of drift and offsets with the residual before.
     """
     white = floor.white / max(before.samples, 1)
     old, new = (excess_of(s.all - floor.all, 0.0, 0.0)[0] for s in (before, after))
     removed = abs(before.all - after.all)
-    return old - new, excess_of(removed, 0.0, white)[1]
+    return old - new, excess_of(removed, before.error, white)[1]
 
 
 def _within_cycles(fitted: AxisFit, signal: Array) -> float:

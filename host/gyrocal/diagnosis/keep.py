@@ -154,7 +154,7 @@ def _formulas(
         return type(each_run[0]).formula(each_run)
     variable = variables()[findings[0].against]
     session = comparison.fit.session
-    current = comparison.fit.axes[axis]
+    current = comparison.likeliest.axes[axis]
     smooth: list[str] = []
     pieces: list[str] = []
     for symbol in variable.searched:
@@ -215,9 +215,9 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
 
 def _proposal(comparison: Comparison, axis: str, against: str, effect: FormulaEffect) -> Proposal:
     """A formula fitted together with the model, with its held-out gain."""
-    current = comparison.fit.axes[axis]
+    current = comparison.likeliest.axes[axis]
     fitted = finish(refine(choose_variant(current, Term.of(effect, axis))))
-    gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
+    gains = held_out_gain(current, fitted, heldout.folds(comparison.likeliest))
     gain, gain_se = total(gains)
     parameters = len(effect.linear) + len(effect.nonlinear)
     return Proposal(f"{effect.id}: {effect.equation}", axis, against, parameters, gain, gain_se, gains)

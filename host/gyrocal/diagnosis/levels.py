@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.probes import beside
+from gyrocal.diagnosis.probes import beside, with_curves
 from gyrocal.diagnosis.readings import single_readings
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
@@ -26,7 +26,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.noise_shape import beyond_color, of_slopes
-from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
+from gyrocal.inference.reml import LARGEST_SPREAD
 from gyrocal.noise.spectrum import Spectrum, evenly_spaced, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST
@@ -37,13 +37,16 @@ from gyrocal.recording.session import AXES, Array
 class MeanSquares:
     """Mean squares of held-out residuals, dps^2: of all, and with offset and scale of each power cycle removed.
 
-    ``fast`` is the part of both that lies within blocks of 0.1 s.
+    ``fast`` is the part of both that lies within blocks of 0.1 s. ``error`` and ``error_within`` are the standard errors that a
+    systematic residual adds to them: its product with the drift and with the offsets of power cycles.
     """
 
     all: float
     within: float
     samples: int
     fast: float = 0.0
+    error: float = 0.0
+    error_within: float = 0.0
 
     @staticmethod
     def of(held: Iterable[Prediction]) -> MeanSquares:
@@ -112,8 +115,11 @@ class Level:
         floor_dps = float(np.sqrt(max(0.0, floor.all)))  # a slope's noise is measured, and may come out below zero
         if squares.samples == 0:
             return Level(None, floor_dps)
-        excess, se = excess_of(squares.all - floor.all, floor.error, floor.white / squares.samples)
-        within, within_se = excess_of(squares.within - floor.within, floor.error_within, floor.white / squares.samples)
+        error, error_within = (
+            float(np.hypot(a, b)) for a, b in ((floor.error, squares.error), (floor.error_within, squares.error_within))
+        )
+        excess, se = excess_of(squares.all - floor.all, error, floor.white / squares.samples)
+        within, within_se = excess_of(squares.within - floor.within, error_within, floor.white / squares.samples)
         slow = float(np.sqrt(max(0.0, squares.all - squares.fast)))
         return Level(float(np.sqrt(squares.all)), floor_dps, excess, se, within, within_se, slow)
 
@@ -175,7 +181,11 @@ def pooled(squares: Mapping[str, MeanSquares], floors: Mapping[str, Floor], abse
         mean(f.all for _, f in pairs), mean(f.within for _, f in pairs), error(f.error for _, f in pairs),
         error(f.error_within for _, f in pairs), mean(f.white for _, f in pairs),
     )  # fmt: skip
-    return Level.of(MeanSquares(mean(s.all for s, _ in pairs), mean(s.within for s, _ in pairs), samples), floor)
+    together = MeanSquares(
+        mean(s.all for s, _ in pairs), mean(s.within for s, _ in pairs), samples, error=error(s.error for s, _ in pairs),
+        error_within=error(s.error_within for s, _ in pairs),
+    )  # fmt: skip
+    return Level.of(together, floor)
 
 
 def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float, clean: AxisFit | None = None) -> Floor:
@@ -187,12 +197,21 @@ def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float, clean: Ax
     power = expected(axis, folds)
     samples = max(power.samples, 1.0)
     between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
-    error, error_within = difference_errors(axis, folds)
+    errors, errors_within = difference_errors(axis, folds)
     within = white_power * between + power.within / samples
     if of_slopes(axis):
         within += beyond_color(clean or axis) * power.blocks / samples
     of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
-    return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power, white_power * between)
+    return Floor(
+        within + of_cycles, within, errors.noise / samples, errors_within.noise / samples, white_power, white_power * between
+    )  # fmt: skip
+
+
+def of_misfit(axis: AxisFit, held: Iterable[Prediction], folds: Sequence[Fold]) -> MeanSquares:
+    """The mean squares of the predictions of an axis that misfits, with the errors that its systematic residual adds."""
+    squares = MeanSquares.of(held)
+    error, within = (errors.systematic / max(squares.samples, 1) for errors in difference_errors(axis, folds))
+    return replace(squares, error=error, error_within=within)
 
 
 def _largest_of_cycles(axis: AxisFit) -> float:
@@ -205,19 +224,9 @@ def _largest_of_cycles(axis: AxisFit) -> float:
 
 
 def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
-    """The fit with the probes' findings as further columns."""
-    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
-    return beside(current, axis, shapes) if shapes else current
-
-
-def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
-    """The fit with the noise that remains beside the probes' findings, which otherwise counts the misfit as noise."""
-    clean = beside_findings(current, axis, where)
-    if clean is current:
-        return current
-    same = clean.spreads.scenario.size == current.spreads.scenario.size
-    scenario = clean.spreads.scenario if same else current.spreads.scenario
-    return replace(current, noise=clean.noise, spreads=Spreads(current.spreads.run, scenario))
+    """The fit with the probes' findings as further columns, steps with a smooth curve through them."""
+    shapes, runs = [f.shape for f in where if f.axis == axis and f.shape is not None], [b.run for b in current.design.blocks]
+    return beside(current, axis, with_curves(current, shapes, lambda steps: steps.smooth(runs))) if shapes else current
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ coefficients against their covariance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,9 +21,12 @@ from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Session
+from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.base import variables
-from gyrocal.variables.shapes import Shape, ShapeOfEachRun
+from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
+
+LARGEST_CONDITION = 1e6
+"""Condition number of columns above which they are not fitted together."""
 
 
 def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
@@ -31,6 +34,27 @@ def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
     terms = [Term(f"probe_{i}", axis, dict.fromkeys(s.linear, 0.0), own=s) for i, s in enumerate(shapes)]
     design = current.design.changed([*current.design.terms, *terms])
     return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+
+
+def with_curves(current: AxisFit, shapes: Sequence[Shape], curve: Callable[[Steps], Shape]) -> list[Shape]:
+    """The shapes; steps of a variable that changes within them with the ``curve`` that they follow only roughly.
+
+    Curves that the other columns determine are left out.
+    """
+    blocks, axis = current.design.blocks, current.design.axis
+
+    def columns(shape: Shape) -> Array:
+        return np.concatenate([b.mean(shape.columns(b.run, axis, {})) for b in blocks])
+
+    out = list(shapes)
+    known = np.column_stack([np.ones(int(current.design.n_blocks.sum())), *map(columns, out)])
+    for shape in shapes:
+        if isinstance(shape, Steps):
+            beyond = curve(shape)
+            more = np.column_stack([known, columns(beyond)])
+            if np.linalg.cond(more / np.maximum(np.linalg.norm(more, axis=0), 1e-300)) < LARGEST_CONDITION:
+                out, known = [*out, beyond], more
+    return out
 
 
 def of_session(session: Session, axis: int) -> list[tuple[str, list[Shape]]]:

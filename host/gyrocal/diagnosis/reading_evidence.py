@@ -32,7 +32,7 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
     known = current.fit
     kind = effect.fault_of(fault.values)
     if kind is not None and kind.step_dps(fault.values) > 0:  # no waves of rounding beside the rounding
-        known = current.comparison.fit.axes[current.axis]
+        known = current.comparison.likeliest.axes[current.axis]
     design = known.design.over(current.comparison.fit.blocks, [*known.design.terms, term])
     fitted = fit_noise(design, start=with_noise(design, known.noise, carry_spreads(known, design)))
     before, after = (_run_powers(current, fit) for fit in (known, fitted))

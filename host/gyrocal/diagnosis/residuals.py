@@ -22,7 +22,7 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
     if comparison.angles is not None:
         return comparison.angles.table
     fitted = comparison.fit
-    folds = heldout.folds(fitted) if comparison.held_out != "none" else []
+    folds = heldout.folds(comparison.likeliest) if comparison.held_out != "none" else []
     if comparison.held_out == heldout.SESSION:
         folds = [heldout.whole(fitted)]
     source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)

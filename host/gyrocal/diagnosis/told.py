@@ -14,7 +14,7 @@ import numpy as np
 from gyrocal.diagnosis.drawn import described, drawn_power
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned
-from gyrocal.diagnosis.probes import beside, probe
+from gyrocal.diagnosis.probes import beside, probe, with_curves
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.noise.orders import LEAST_TURNS
 from gyrocal.policy import POLICY
@@ -26,10 +26,6 @@ from gyrocal.variables.table_angle import TableAngle
 from gyrocal.variables.time import Time
 
 OfFrequency = Callable[[Fit, str, dict[int, Array], float], list[Finding]]
-
-LARGEST_CONDITION = 1e6
-"""Condition number of columns above which they are not fitted together."""
-
 
 def leader(current: AxisFit, found: Sequence[Finding]) -> Finding | None:
     """The strongest of the findings that describe nearly as much of the residual, as it is drawn, as any other."""
@@ -67,7 +63,8 @@ def without_echoes(
     doubted = [f for f in rest if f.against == Frequency.name or (f.shape and (of_runs or isinstance(f.shape, ShapeOfEachRun)))]
     if not doubted:
         return [first, *(f for f in found if f is not first)]
-    clean = beside(fitted.axes[axis], axis, _with_curve(fitted.axes[axis], [f.shape for f in leading if f.shape is not None]))
+    shapes = [f.shape for f in leading if f.shape is not None]
+    clean = beside(fitted.axes[axis], axis, shapes if len(shapes) > 1 else with_curves(fitted.axes[axis], shapes, Steps.bends))
 
     def stays(f: Finding) -> bool:
         if f not in doubted or f.shape is None:
@@ -104,20 +101,6 @@ def curves_within(
 
 WIDE = 1.5
 """Ratio of the ends of a band above which it is no line."""
-
-
-def _with_curve(current: AxisFit, shapes: list[Shape]) -> list[Shape]:
-    """The shapes; steps of a variable that changes within them with the curve that they follow only roughly."""
-    (first, *more) = shapes
-    if more or not isinstance(first, Steps):
-        return shapes
-    bends, axis = first.bends(), current.design.axis
-    columns = np.concatenate(
-        [np.column_stack([np.ones(b.t_s.size), b.mean(np.column_stack([s.columns(b.run, axis, {}) for s in (first, bends)]))])
-         for b in current.design.blocks]
-    )  # fmt: skip
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return [first, bends] if np.linalg.cond(columns) < LARGEST_CONDITION else shapes
 
 
 def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) -> list[Finding]:

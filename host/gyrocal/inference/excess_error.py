@@ -6,7 +6,9 @@ uncorrelated with what is left of the held-out power q when its regression on th
 
     var(q - expectation at the estimates) = var(q) - g' I^-1 g,    g = d E[q] / d parameters,
 
-with the information I of restricted maximum likelihood on the variances. The drift's correlation time is often at a bound and
+with the information I of restricted maximum likelihood on the variances. A systematic residual s adds ``2·s'F·n`` to the sum of
+squares q = y'Fy, whose variance ``4·s'FVFs`` is taken from the residual itself, less what noise alone makes of it: what is slow
+is known no better than the drift and the offsets of power cycles allow. The drift's correlation time is often at a bound and
 counts as known. A search that stops short of the maximum adds ``2·SETTLED·g' I^-1 g``. Drift, offsets and columns are taken as
 means over some hundred cells of time for this; a standard error needs no more.
 """
@@ -34,7 +36,8 @@ SETTLED = 0.02
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of time of all runs: ``run`` and ``cycle`` [k], ``n`` [k] samples, mean times, rates and columns [k, c]."""
+    """Cells of time of all runs: ``run`` and ``cycle`` [k], ``n`` [k] samples, mean times, rates, columns [k, c] and
+    residuals [k]."""
 
     run: Array
     cycle: Array
@@ -42,11 +45,24 @@ class _Cells:
     t_s: Array
     cycle_columns: Array
     columns: Array
+    residual_dps: Array
     blocks: int
 
 
-def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, float]:
-    """Standard errors, dps^2, of the sum of squares (times samples) over its expectation: of all, and within power cycles."""
+@dataclass(frozen=True)
+class Errors:
+    """Standard errors, dps^2, of a sum of squares (times samples) over its expectation.
+
+    ``noise`` is that of noise alone, ``systematic`` that of the product of a systematic residual with the drift and with the
+    offsets of power cycles.
+    """
+
+    noise: float
+    systematic: float
+
+
+def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[Errors, Errors]:
+    """The errors of all, and those within power cycles."""
     cells = _cells(axis)
     covariance, derivatives = _covariance(axis, cells)
     residual, held = _residual(axis, cells, covariance, folds)
@@ -66,6 +82,7 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
     white = axis.noise.white_sd_dps**2
     information[0, 0] += rest / 2
     of_others = bool(folds) and folds[0].label == SESSION
+    slow = np.asarray(np.sum(derivatives[1 : 1 + (axis.noise.ou_sd_dps > 0) + len(axis.spreads.scenario)], axis=0))
     out = []
     for form in (all_power, all_power - taken):
         of_data = form @ covariance
@@ -75,7 +92,9 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
             slope[1 + (axis.noise.ou_sd_dps > 0) :] = 0.0
         common = slope @ np.linalg.pinv(information, rcond=1e-10, hermitian=True) @ slope
         variance = 2 * float(np.sum(of_data * of_data.T)) + 2 * rest * white**2
-        out.append(float(np.sqrt(max(variance - (1 - 2 * SETTLED) * common, 0.0))))
+        pulled = form @ cells.residual_dps
+        product = 4 * float(pulled @ slow @ pulled - np.sum((form @ slow) * of_data.T)) if slow.ndim else 0.0
+        out.append(Errors(*(float(np.sqrt(max(v, 0.0))) for v in (variance - (1 - 2 * SETTLED) * common, product))))
     return out[0], out[1]
 
 
@@ -145,7 +164,7 @@ def _cells(axis: AxisFit) -> _Cells:
     design = axis.design
     usable = [i for i, b in enumerate(design.blocks) if b.t_s.size]
     total = sum(design.blocks[i].t_s.size for i in usable)
-    run, cycle, n, t_s, rate, columns = [], [], [], [], [], []
+    run, cycle, n, t_s, rate, columns, residual = [], [], [], [], [], [], []
     for i in usable:
         b = design.blocks[i]
         count = min(b.t_s.size, max(1, round(CELLS * b.t_s.size / total)))
@@ -157,9 +176,11 @@ def _cells(axis: AxisFit) -> _Cells:
         t_s.append(np.add.reduceat(b.t_s * b.n, start) / samples)
         rate.append(np.add.reduceat(_rate(b, design.axis) * b.n, start) / samples)
         columns.append((np.add.reduceat(design.columns(i)[1:] * b.n, start, axis=1) / samples).T)
+        residual.append(np.add.reduceat(axis.block_residuals(i) * b.n, start) / samples)
     of_cycles = of_cycle(np.concatenate(rate))
     return _Cells(
-        np.concatenate(run), np.concatenate(cycle), np.concatenate(n), np.concatenate(t_s), of_cycles, np.vstack(columns), total
+        np.concatenate(run), np.concatenate(cycle), np.concatenate(n), np.concatenate(t_s), of_cycles, np.vstack(columns),
+        np.concatenate(residual), total,
     )  # fmt: skip
 
 

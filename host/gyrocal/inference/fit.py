@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from gyrocal.effects.base import Values
@@ -48,21 +48,22 @@ def fit(
 
 
 @one_thread
-def beside_misfit(fitted: Fit, axes: Iterable[str]) -> Fit:
+def beside_misfit(fitted: Fit, axes: Iterable[str], drawn: Mapping[str, AxisFit] | None = None) -> Fit:
     """The same fit with errors that contain the misfit which tests of the residual have found on ``axes``.
 
-    Where turns about other axes leak into an axis, values and noise too are those of a fit that these turns do not pull.
+    ``drawn`` holds fits of the same model with other weights by axis, whose values are told with these errors. Where turns
+    about other axes leak into an axis, values and noise are those of a fit that these turns do not pull.
     """
 
-    def wider(current: AxisFit) -> AxisFit:
+    def wider(current: AxisFit, told: AxisFit) -> AxisFit:
         apart = beside_leaks(current)
         if apart is not current:
-            told = finish(apart, reported=True, misfit=True)
-            return replace(current, terms=told.terms, noise_model=told.noise_model)
-        pairs = zip(current.terms, finish(current, misfit=True).terms, strict=True)
-        return replace(current, terms=tuple(replace(term, se=beside.se) for term, beside in pairs))
+            found = finish(apart, reported=True, misfit=True)
+            return replace(told, terms=found.terms, noise_model=found.noise_model)
+        pairs = zip(told.terms, finish(current, misfit=True).terms, strict=True)
+        return replace(told, terms=tuple(replace(term, se=beside.se) for term, beside in pairs))
 
-    changed = {axis: wider(fitted.axes[axis]) for axis in axes}
+    changed = {axis: wider(fitted.axes[axis], (drawn or fitted.axes)[axis]) for axis in axes}
     return _together(fitted.session, fitted.blocks, fitted.model, {**fitted.axes, **changed})
 
 

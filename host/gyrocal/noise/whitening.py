@@ -45,6 +45,12 @@ class Noise:
         """The noise with all standard deviations multiplied by a factor."""
         return Noise(factor * self.white_sd_dps, factor * self.ou_sd_dps, self.ou_tau_s)
 
+    def drift_within(self, seconds: float) -> float:
+        """The variance of the drift about its mean over a run of so many seconds, dps^2."""
+        times = max(seconds / self.ou_tau_s, 1e-6)
+        of_mean = 2 / times * (1 + float(np.expm1(-times)) / times)
+        return self.ou_sd_dps**2 * max(0.0, 1 - of_mean)
+
 
 @dataclass(frozen=True)
 class Summed:

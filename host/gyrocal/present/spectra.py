@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.levels import noise_beside
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.noise.orders import order_spectrum
 from gyrocal.present.decimate import Stretches, by_octave
@@ -64,7 +63,7 @@ def against_frequency(found: Comparison, axis: str, residuals: Sequence[Array]) 
     """The amplitude density in dps/sqrt(Hz). Noise alone is the level between lines, and below it the noise model."""
     rate_hz = found.fit.session.sample_rate_hz
     frequency, power = density(residuals, rate_hz)
-    noise = noise_beside(found.fit.axes[axis], axis, found.where).noise  # without what is found missing
+    noise = found.fit.axes[axis].noise
     x, s = by_octave(frequency, np.sqrt(power), STRETCHES)
     expected = 2 * noise.white_sd_dps**2 / rate_hz + np.zeros(x.size)
     if noise.ou_sd_dps > 0:

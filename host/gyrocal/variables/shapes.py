@@ -19,6 +19,9 @@ ALIKE = 0.3
 SAME_PHASE = 0.9
 """Mean of the runs' waves as a fraction of their mean size, above which they have the same phase."""
 
+SMOOTH = 5
+"""Degree of the polynomials that a smooth curve of a variable follows."""
+
 
 class Shape(Effect):
     """Columns that are fitted together with a model to test whether the residual depends on a variable."""
@@ -91,6 +94,22 @@ class Steps(Shape):
             return lines * true_rate_dps(run)[:, None] if self.times_rate else lines
 
         return Columns(of, self.edges.size + 1)
+
+
+    def smooth(self, runs: Sequence[Run]) -> Columns:
+        """Polynomials of the variable over its range in these runs, up to the degree ``SMOOTH``."""
+        known = [found for run in runs if (found := self.values(run)) is not None and found.size]
+        low, high = min(float(x.min()) for x in known), max(float(x.max()) for x in known)
+        half = max((high - low) / 2, 1e-300)
+
+        def of(run: Run) -> Array | None:
+            found = self.values(run)
+            if found is None:
+                return None
+            curves = np.asarray(np.polynomial.legendre.legvander((found - low) / half - 1, SMOOTH)[:, 1:], dtype=np.float64)
+            return curves * true_rate_dps(run)[:, None] if self.times_rate else curves
+
+        return Columns(of, SMOOTH)
 
 
 class Columns(Shape):

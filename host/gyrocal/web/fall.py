@@ -45,7 +45,7 @@ class Levels:
 
     def within(self) -> Levels:
         """The levels with the offset and scale of each power cycle removed from residuals and floors."""
-        squares = {axis: replace(s, all=s.within) for axis, s in self.squares.items()}
+        squares = {axis: replace(s, all=s.within, error=s.error_within) for axis, s in self.squares.items()}
         floors = {axis: replace(f, all=f.within, error=f.error_within) for axis, f in self.floors.items()}
         return replace(self, squares=squares, floors=floors)
 
