@@ -61,7 +61,7 @@ def static(folder: Path, rows: int) -> None:
 
 
 def diagnose(folder: Path) -> None:
-    from gyrocal.diagnosis.diagnose import diagnose as of
+    from gyrocal.diagnosis.answer.diagnose import diagnose as of
     from gyrocal.recording.session import Session
 
     began, began_cpu = time.perf_counter(), time.process_time()

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.comparison import Comparison, measure
+from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.simulation.simulate import LSB_DPS, OU_SD_DPS, WHITE_SD_DPS, simulate
 

@@ -22,9 +22,9 @@ from benchmarks import field_planted as planted
 from benchmarks import field_sessions as nulls
 from benchmarks.sessions_by_seed import bounds, judged, share
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.errors import InputError
 from gyrocal.present.output import stdout, table
 from gyrocal.recording.session import Session

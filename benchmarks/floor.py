@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.noise.drift import ou_noise
 from gyrocal.recording.session import AXES, Array, Run, Session
 

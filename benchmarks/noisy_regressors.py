@@ -18,7 +18,7 @@ from tests.diagnosis.test_noisy_reference import staircases
 from tests.diagnosis.test_thermal_sessions import K1, SECONDS, thermal, with_temperature
 from tests.inference.test_noisy_columns import SCALE, scale_of, weak_swing
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.inference.fit import fit
 
 NOISES = ((0.02, 0.0), (0.02, 0.05), (0.03, 0.0), (0.05, 0.01))

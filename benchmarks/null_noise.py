@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.present.output import table
 from gyrocal.recording.session import Array, Run, Session
 

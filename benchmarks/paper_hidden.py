@@ -18,7 +18,7 @@ from gyrocal.calibration.network import FaceNetwork, Prior
 from gyrocal.calibration.scenarios import Simulation, answers
 from gyrocal.core.estimator import CoreEstimator
 from gyrocal.device.monitor import misfit_limit
-from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.answer.add import add
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import AXES, Array, Run, Session

@@ -71,7 +71,7 @@ def answered(session: Session, effect: str, named: bool) -> bool:
 
 def planted(planned: Plan, case: Case) -> list[str]:
     """The effects in question at the sizes that the planner used, as options of ``simulate``."""
-    from gyrocal.diagnosis.diagnose import diagnose as full
+    from gyrocal.diagnosis.answer.diagnose import diagnose as full
 
     first = simulated(case, case.effect)
     members = planned.question.members(full(first, of_axis("z")))

@@ -30,7 +30,7 @@ from benchmarks.real_gravity import xsens
 from benchmarks.real_truth import body_rate_dps, lines_hz, map_fit, swing_fit
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.explain import Explanation, explain
+from gyrocal.diagnosis.answer.explain import Explanation, explain
 from gyrocal.plausibility import check
 from gyrocal.present.output import stdout, table
 from gyrocal.recording.session import AXES, Array, Session

@@ -18,7 +18,7 @@ from benchmarks.real_gravity import ACC_AXES, Movements, counts, kept_x, saved_b
 from benchmarks.real_truth import Map, body_rate_dps, map_fit, means, swing_fit
 
 from gyrocal.calibration.apply import apply
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.gravity.diagnose import explain as explain_by_gravity
 from gyrocal.recording.session import AXES, Array
 

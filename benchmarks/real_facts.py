@@ -9,7 +9,7 @@ from typing import Any
 
 import polars as pl
 
-from gyrocal.diagnosis.explain import Explanation
+from gyrocal.diagnosis.answer.explain import Explanation
 from gyrocal.recording.session import AXES, Array, Session
 
 

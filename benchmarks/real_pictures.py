@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks import real
 
-from gyrocal.diagnosis.explain import Explanation, explain
-from gyrocal.diagnosis.levels import Cleaned
+from gyrocal.diagnosis.answer.explain import Explanation, explain
+from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.effects.quantities import rate_slope_dps_s
 from gyrocal.present.explanation import print_explanation
 from gyrocal.recording.session import AXES, Array, Run, Session

@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks import reference_sessions as sessions
 from benchmarks.sessions_by_seed import bounds, judged, share
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.aims import progress

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import argparse
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import effects
 from gyrocal.simulation.simulate import simulate
 

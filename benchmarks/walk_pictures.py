@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.gains import held_out_gain, total
+from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.error_model.model import Model
 from gyrocal.evidence.answer import weigh
 from gyrocal.evidence.curve import KNOTS, stated

@@ -257,7 +257,7 @@ def frames_per_second(url: str, browser: Any, seconds: float, *, diagnosing: boo
 
 async def newest(session: Path, port: str, seconds: float) -> dict[str, np.ndarray[Any, Any]]:
     """Ages of the newest sample in the page's state, sampled as often as the page draws, idle and during a diagnosis."""
-    from gyrocal.web.state import Workbench
+    from gyrocal.web.state.workbench import Workbench
 
     bench = Workbench([session], lambda topic: None)
     bench.live.trusted.add(port)

@@ -12,11 +12,12 @@ from dataclasses import fields
 from typing import Any
 from unittest.mock import patch
 
-from gyrocal.diagnosis import compare, naming
-from gyrocal.diagnosis.add import Added, add
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.comparison import Comparison, measure
-from gyrocal.diagnosis.probability import OnAxis, with_probabilities
+from gyrocal.diagnosis.answer import compare
+from gyrocal.diagnosis.answer.add import Added, add
+from gyrocal.diagnosis.naming import candidates as naming
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.probability import OnAxis, with_probabilities
+from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.gravity import compare as gravity_compare
@@ -32,7 +33,7 @@ def without_evidence() -> Iterator[None]:
     def none(found: Sequence[Candidate], *_: Any) -> tuple[list[Candidate], list[OnAxis]]:
         return list(found), []
 
-    with patch("gyrocal.diagnosis.diagnose.with_probabilities", none), patch("known.with_probabilities", none):
+    with patch("gyrocal.diagnosis.answer.diagnose.with_probabilities", none), patch("known.with_probabilities", none):
         yield
 
 
@@ -42,7 +43,7 @@ def add_measured(session: Session, model: Model | None, effect_id: str) -> Added
     The model, the levels and the findings of the residual's own tests are the same. A verdict of these comparisons is not that
     of ``compare``, which the tests of verdicts ask ``add`` itself for.
     """
-    with patch("gyrocal.diagnosis.add.compare", compare.measure):
+    with patch("gyrocal.diagnosis.answer.add.compare", compare.measure):
         return add(session, model, effect_id)
 
 
@@ -115,10 +116,10 @@ def known_answers() -> Iterator[None]:
         return probabilities[key][2]
 
     with (
-        patch("gyrocal.diagnosis.diagnose.measure", by_rate.measure),
-        patch("gyrocal.diagnosis.compare.measure", by_rate.measure),
-        patch("gyrocal.diagnosis.naming.candidates", by_rate.candidates),
-        patch("gyrocal.diagnosis.diagnose.with_probabilities", probable),
+        patch("gyrocal.diagnosis.answer.diagnose.measure", by_rate.measure),
+        patch("gyrocal.diagnosis.answer.compare.measure", by_rate.measure),
+        patch("gyrocal.diagnosis.naming.candidates.candidates", by_rate.candidates),
+        patch("gyrocal.diagnosis.answer.diagnose.with_probabilities", probable),
         patch("gyrocal.gravity.diagnose.measure", by_gravity.measure),
         patch("gyrocal.gravity.compare.measure", by_gravity.measure),
         patch("gyrocal.gravity.naming.candidates", by_gravity.candidates),

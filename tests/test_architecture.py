@@ -20,6 +20,11 @@ LAYERS = [
     "core", "device", "present",
     "calls", "api", "ros_node", "demo", "benchmark", "web", "json_schemas", "commands", "cli", "__main__",
 ]  # fmt: skip
+INNER = {
+    "diagnosis": ["residual", "naming", "answer"],
+    "web": ["values", "pictures", "worker", "device", "state", "page", "widgets", "panels", "server"],
+}
+"""The order within a folder that has folders of its own."""
 DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
 """A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""
 
@@ -86,6 +91,18 @@ def test_imports_point_down() -> None:
     assert list(arrows_up(HOST)) == []
 
 
+@pytest.mark.parametrize("folder", INNER)
+def test_imports_within_a_folder_point_down_too(folder: str) -> None:
+    order, up = INNER[folder], []
+    for path in python_files(HOST / folder):
+        mine = path.relative_to(HOST / folder).parts[0].removesuffix(".py")
+        for name in imports(path, ".".join(["gyrocal", *path.relative_to(HOST).parent.parts])):
+            pieces = name.split(".")
+            if pieces[:2] == ["gyrocal", folder] and len(pieces) > 2 and mine != "__init__":
+                up += [f"{path.name} imports {name}"] if order.index(pieces[2]) > order.index(mine) else []
+    assert up == []
+
+
 def test_every_folder_says_what_it_may_import() -> None:
     for layer in LAYERS:
         if (HOST / layer).is_dir():
@@ -96,14 +113,14 @@ def test_every_folder_says_what_it_may_import() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        "from gyrocal.diagnosis.diagnose import diagnose\n",
+        "from gyrocal.diagnosis.answer.diagnose import diagnose\n",
         "import gyrocal.diagnosis\n",
         "from gyrocal import diagnosis\n",
         "from ..diagnosis import diagnose\n",
         "from .. import diagnosis\n",
         "def f() -> None:\n    from gyrocal.diagnosis import diagnose\n",
         "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from gyrocal.diagnosis import diagnose\n",
-        "from importlib import import_module\nimport_module('gyrocal.diagnosis.diagnose')\n",
+        "from importlib import import_module\nimport_module('gyrocal.diagnosis.answer.diagnose')\n",
         "from importlib import import_module\nimport_module(f'gyrocal.diagnosis.{1}')\n",
         "from gyrocal.attic import old\n",
     ],

@@ -13,7 +13,7 @@ import pytest
 from gyrocal.api import Model, Session
 from gyrocal.cli import main
 from gyrocal.error_model.correction import correct_frame
-from gyrocal.web.models import read_models
+from gyrocal.web.values.models import read_models
 
 FIRST = Path(__file__).with_name("first_version")
 

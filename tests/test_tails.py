@@ -37,7 +37,7 @@ def test_a_comparison_does_not_wait_for_scipy_stats(tmp_path: Path) -> None:
     simulate(tmp_path / "s", "paper", [], 1, scenarios=3, seconds=4.0)
     program = (
         "import sys\n"
-        "from gyrocal.diagnosis.compare import compare\n"
+        "from gyrocal.diagnosis.answer.compare import compare\n"
         "from gyrocal.recording.session import Session\n"
         f"compare(Session.open({str(tmp_path / 's')!r}))\n"
         "print('scipy.stats' in sys.modules)"

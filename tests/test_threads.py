@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from gyrocal import threads
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.simulation.simulate import simulate
 
 

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
         plan,
         simulate,
     )
-    from gyrocal.diagnosis.candidate import Candidate
-    from gyrocal.diagnosis.comparison import Comparison
-    from gyrocal.diagnosis.diagnose import Diagnosis
-    from gyrocal.diagnosis.explain import Explanation
-    from gyrocal.diagnosis.residuals import residual_table
+    from gyrocal.diagnosis.answer.diagnose import Diagnosis
+    from gyrocal.diagnosis.answer.explain import Explanation
+    from gyrocal.diagnosis.naming.candidate import Candidate
+    from gyrocal.diagnosis.residual.comparison import Comparison
+    from gyrocal.diagnosis.residual.residual_table import residual_table
     from gyrocal.effects.base import Effect
     from gyrocal.error_model.corrector import Corrector
     from gyrocal.error_model.formula import FormulaEffect
@@ -74,11 +74,11 @@ NAMES = {
         "add", "allan", "apply", "calibrate", "compare", "diagnose", "effects", "explain", "export", "fit", "import_recording",
         "load_effects", "plan", "simulate",
     ),
-    "gyrocal.diagnosis.candidate": ("Candidate",),
-    "gyrocal.diagnosis.comparison": ("Comparison",),
-    "gyrocal.diagnosis.diagnose": ("Diagnosis",),
-    "gyrocal.diagnosis.explain": ("Explanation",),
-    "gyrocal.diagnosis.residuals": ("residual_table",),
+    "gyrocal.diagnosis.naming.candidate": ("Candidate",),
+    "gyrocal.diagnosis.residual.comparison": ("Comparison",),
+    "gyrocal.diagnosis.answer.diagnose": ("Diagnosis",),
+    "gyrocal.diagnosis.answer.explain": ("Explanation",),
+    "gyrocal.diagnosis.residual.residual_table": ("residual_table",),
     "gyrocal.effects.base": ("Effect",),
     "gyrocal.error_model.corrector": ("Corrector",),
     "gyrocal.error_model.formula": ("FormulaEffect",),

@@ -14,10 +14,10 @@ from gyrocal.calibration import calibrate as _calibrate
 from gyrocal.calibration.apply import apply as _apply
 from gyrocal.calibration.calibration import Calibration
 from gyrocal.calibration.exported import export as _export
-from gyrocal.diagnosis import add as _add
-from gyrocal.diagnosis import compare as _compare
-from gyrocal.diagnosis import diagnose as _diagnose
-from gyrocal.diagnosis import explain as _explain
+from gyrocal.diagnosis.answer import add as _add
+from gyrocal.diagnosis.answer import compare as _compare
+from gyrocal.diagnosis.answer import diagnose as _diagnose
+from gyrocal.diagnosis.answer import explain as _explain
 from gyrocal.effects.base import Effect
 from gyrocal.effects.base import effects as _effects
 from gyrocal.effects.base import load as _load

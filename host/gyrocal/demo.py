@@ -22,9 +22,9 @@ from gyrocal.device.port import Link
 from gyrocal.device.record import Recorder
 from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.device.wire import Sentence
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import mdps, stdout, table

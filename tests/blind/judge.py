@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout

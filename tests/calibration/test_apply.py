@@ -9,7 +9,7 @@ import pytest
 
 from gyrocal.calibration.apply import apply
 from gyrocal.cli import main
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Session

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 

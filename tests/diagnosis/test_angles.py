@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from gyrocal import api
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.explain import explain
-from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import AXES, Run, Session
 from known import add_measured

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from gyrocal import api
 from gyrocal.cli import app
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.gravity.as_is import compare_as_is

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.drawn import described, most_visible
-from gyrocal.diagnosis.explain import explain
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Cleaned
-from gyrocal.diagnosis.probes import of_session
-from gyrocal.diagnosis.told import strongest_first
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.residual.drawn_size import described, most_visible
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.levels import Cleaned
+from gyrocal.diagnosis.residual.probes import of_session
+from gyrocal.diagnosis.residual.told_once import strongest_first
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.evidence import judge
-from gyrocal.diagnosis.gains import held_out_gain
-from gyrocal.diagnosis.naming import findings
-from gyrocal.diagnosis.rivals import cosine
-from gyrocal.diagnosis.sets import EffectSet, _same_but_simpler, fitted_together
+from gyrocal.diagnosis.naming.candidates import findings
+from gyrocal.diagnosis.naming.gains import held_out_gain
+from gyrocal.diagnosis.naming.judge import judge
+from gyrocal.diagnosis.naming.rivals import cosine
+from gyrocal.diagnosis.naming.sets import EffectSet, _same_but_simpler, fitted_together
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.likelihood_ratio import likelihood_ratio

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.comparison import Comparison, measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.inference import heldout
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Session

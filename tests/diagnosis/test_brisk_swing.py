@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session

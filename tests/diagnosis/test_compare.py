@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit

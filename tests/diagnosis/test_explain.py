@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
-from gyrocal.diagnosis.explain import Explanation, _falls, _plans, _without_needless, explain
-from gyrocal.diagnosis.sets import Choice, EffectSet, _chosen, choose
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.explain import Explanation, _falls, _plans, _without_needless, explain
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.sets import Choice, EffectSet, _chosen, choose
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects import base
 from gyrocal.errors import InputError
 from gyrocal.present.explanation import conclusion, open_words, print_explanation, remark, write_explanation
@@ -81,8 +81,8 @@ def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
 
 
 def test_what_does_not_lower_the_error_is_not_added_and_is_told(two_effects: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gyrocal.diagnosis.explain._falls", lambda before, after, within: False)
-    monkeypatch.setattr("gyrocal.diagnosis.explain._removed_power", lambda before, after, axis: 0.0)
+    monkeypatch.setattr("gyrocal.diagnosis.answer.explain._falls", lambda before, after, within: False)
+    monkeypatch.setattr("gyrocal.diagnosis.answer.explain._removed_power", lambda before, after, axis: 0.0)
     found = explain(two_effects)
     assert (found.steps, found.verdict) == ([], "add")
     assert found.last.best is not None
@@ -119,7 +119,7 @@ def test_what_is_sure_is_added_before_one_of_several(monkeypatch: pytest.MonkeyP
     judged = [Candidate(base.effect(i), "z", "add", group=pair) for i in pair]
     judged.append(Candidate(base.effect("g_sensitivity"), "z", "add"))
     led: list[str] = []
-    monkeypatch.setattr("gyrocal.diagnosis.explain._plan", lambda diagnosis, lead, earlier: led.append(lead.effect.id))
+    monkeypatch.setattr("gyrocal.diagnosis.answer.explain._plan", lambda diagnosis, lead, earlier: led.append(lead.effect.id))
     list(_plans(Diagnosis("ambiguous", judged, None, None), {}, None))  # type: ignore[arg-type]  # no plan is carried out
     assert led == ["g_sensitivity"]
 

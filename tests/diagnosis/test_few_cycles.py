@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import fit

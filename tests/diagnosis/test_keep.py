@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.keep import keep, propose, select
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.answer.formula_search import keep, propose, select
 from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model

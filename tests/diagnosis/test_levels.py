@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.comparison import Comparison, measure, of_excess, with_floor_of
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, excess_of, explained
-from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.residual.comparison import Comparison, measure, of_excess, with_floor_of
+from gyrocal.diagnosis.residual.levels import Floor, Level, MeanSquares, excess_of, explained
+from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.noise.drift import ou_noise
 from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session

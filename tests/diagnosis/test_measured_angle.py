@@ -4,10 +4,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.color import Color

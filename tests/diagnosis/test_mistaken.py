@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.hump import hump
-from gyrocal.diagnosis.sets import choose
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.sets import choose
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.power_band import hump
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit

@@ -2,7 +2,7 @@
 
 import math
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 

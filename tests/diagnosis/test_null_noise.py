@@ -7,10 +7,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.evidence import judge
-from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.naming.judge import judge
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.whiteness import too_much_power
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate, Decision
-from gyrocal.diagnosis.one_clock import refuted
+from gyrocal.diagnosis.naming.candidate import Candidate, Decision
+from gyrocal.diagnosis.naming.one_clock import refuted
 from gyrocal.effects.base import effect
 
 

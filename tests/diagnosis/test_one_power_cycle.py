@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.decision import without_unphysical
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import without_unphysical
 from gyrocal.effects.base import effect
 from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import Session

@@ -7,13 +7,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.decision import meets
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Cleaned
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import meets
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.effects.base import effect, elapsed_s, table_angle_rad
 from gyrocal.effects.order_tone import spectrum_over_turns
 from gyrocal.effects.wave import size_over_rate

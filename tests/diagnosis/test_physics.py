@@ -6,11 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.explain import explain
-from gyrocal.diagnosis.levels import Cleaned
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session

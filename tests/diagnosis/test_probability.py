@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.probability import decided
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.probability import decided
 from gyrocal.effects.base import effect
 from gyrocal.evidence.checked import Checks
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.noise.drift import ou_noise
 from make_runs import make_run, make_session
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gyrocal.diagnosis.rate_unit import DPS, MDPS, negligible, part_text, percent, rate_text, rounded, shares, unit_of
+from gyrocal.diagnosis.residual.rate_unit import DPS, MDPS, negligible, part_text, percent, rate_text, rounded, shares, unit_of
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.decision import proven
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.readings import _never, reading_fault
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import proven
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.reading_tests import _never, reading_fault
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.recording.session import Run, Session

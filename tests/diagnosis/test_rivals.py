@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate, Decision
-from gyrocal.diagnosis.decision import meets
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.gains import total
-from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
-from gyrocal.diagnosis.sets import fitted_together
+from gyrocal.diagnosis.naming.candidate import Candidate, Decision
+from gyrocal.diagnosis.naming.decision import meets
+from gyrocal.diagnosis.naming.gains import total
+from gyrocal.diagnosis.naming.rivals import with_groups, with_suggested_groups
+from gyrocal.diagnosis.naming.sets import fitted_together
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.rounding import amplitudes_dps
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.residual.rounding import amplitudes_dps
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 

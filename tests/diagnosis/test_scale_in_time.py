@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.effects.base import effect
 from gyrocal.effects.bias_jumps import follow_the_rate
 from gyrocal.recording.session import Array, Session

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 

@@ -3,8 +3,8 @@
 
 import pytest
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate

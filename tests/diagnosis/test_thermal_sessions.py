@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.evidence import judge
-from gyrocal.diagnosis.sets import fitted_together
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.judge import judge
+from gyrocal.diagnosis.naming.sets import fitted_together
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.header import Reference
 from make_runs import make_run, make_session
 

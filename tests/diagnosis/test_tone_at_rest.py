@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
 from known import add_measured
 from make_runs import make_run, make_session

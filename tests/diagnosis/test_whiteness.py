@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis import whiteness
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.diagnosis.residual import whiteness
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.whiteness import too_much_power
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.spectrum import spectrum

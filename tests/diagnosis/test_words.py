@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.drawn import described, drawn_power
-from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.drawn_size import described, drawn_power
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import Effect, effect, effects, load
 from gyrocal.present import effect_pages
 from gyrocal.simulation.simulate import simulate

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import effect
 from gyrocal.effects.byte_fault import lost_carry, single_power
 from gyrocal.effects.quantization import coarse_step_dps

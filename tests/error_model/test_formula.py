@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.error_model.model import Model

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gyrocal.calibration.estimator import calibration_of
-from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.answer.add import add
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.noise.axis import AxisNoise

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.error_model.model import Model
 from gyrocal.inference.contradictions import _Refit, misfit_factor
 from gyrocal.inference.fit import beside_misfit, fit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.present.report import stand_in_words

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gyrocal.benchmark import _module
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.naming.judge import judge
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.error_model.model import Model
 from gyrocal.inference.blocks import reduce_run
 from gyrocal.inference.fit import fit

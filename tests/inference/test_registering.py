@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gyrocal.benchmark import benchmark
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.recording.header import Reference

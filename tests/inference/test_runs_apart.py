@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate

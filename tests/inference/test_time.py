@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from gyrocal.benchmark import _module
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import design

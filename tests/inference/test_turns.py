@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted

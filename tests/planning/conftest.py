@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate

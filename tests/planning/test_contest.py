@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.planning.columns import Columns
 from gyrocal.planning.contest import Contest
 from gyrocal.planning.expected import Expected

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
 from gyrocal.errors import InputError
 from gyrocal.planning.plan import Plan, plan
 from gyrocal.planning.question import ask, check_one_question

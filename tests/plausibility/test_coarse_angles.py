@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from encoders import SCALE, encoder_session
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.plausibility import check
 from gyrocal.recording.orientation import count_deg, jumps
 from gyrocal.recording.session import Session

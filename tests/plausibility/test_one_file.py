@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session

@@ -12,9 +12,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.trust import reading_flags
-from gyrocal.diagnosis.readings import reading_fault
+from gyrocal.diagnosis.residual.reading_tests import reading_fault
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session

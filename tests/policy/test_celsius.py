@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.present import report
 from gyrocal.simulation.simulate import simulate
 from gyrocal.units import CELSIUS, IN_FILES, to_read

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.comparison import measure
-from gyrocal.diagnosis.diagnose import Diagnosis
-from gyrocal.diagnosis.explain import Step
-from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.explain import Step
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual.comparison import measure
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.present.explanation import counted, evidence, removed, shown

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gyrocal.api import compare
-from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.present import pictures
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.order import Order

@@ -15,9 +15,9 @@ from gyrocal.calibration.taken import Taken
 from gyrocal.present import notebook  # noqa: F401  (registers how a calibration is shown)
 from gyrocal.present.budget import print_budget
 from gyrocal.present.taken import cell, each, words
-from gyrocal.web.budget import of_answers
-from gyrocal.web.charts import LIGHT
-from gyrocal.web.scatter import options, sentences
+from gyrocal.web.pictures.charts import LIGHT
+from gyrocal.web.pictures.scatter import options, sentences
+from gyrocal.web.values.budget import of_answers
 from make_runs import make_run, make_session
 
 RATE_HZ = 100.0

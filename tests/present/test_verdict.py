@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gyrocal.api import compare, diagnose
-from gyrocal.diagnosis.candidate import Candidate, Decision
+from gyrocal.diagnosis.naming.candidate import Candidate, Decision
 from gyrocal.effects.base import effects
 from gyrocal.present import report
 from gyrocal.present.output import stdout

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.diagnose import Diagnosis
-from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effects
 from gyrocal.present.report import verdict_text
 

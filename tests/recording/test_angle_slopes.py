@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.plausibility import check
 from gyrocal.recording.angle_slopes import angle_noise_deg
 from gyrocal.recording.header import Reference

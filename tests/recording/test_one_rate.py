@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from encoders import FIXED_DPS, SCALE, encoder_session
-from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.plausibility import of_fit

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.recording.outliers import outliers

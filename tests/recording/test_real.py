@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
 from gyrocal.device import simulated
-from gyrocal.diagnosis.explain import Explanation, explain
+from gyrocal.diagnosis.answer.explain import Explanation, explain
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
@@ -172,8 +172,8 @@ def test_the_pages_show_what_the_commands_print(
     """Word for word, and each number within a twentieth or 1 of its unit. The session is explained once for all pages."""
     shutil.copy(recording("thermal_chamber_imu", "imu_raw_data.tsv"), tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gyrocal.diagnosis.explain.explain", lambda *_, **__: explained)
-    monkeypatch.setattr("gyrocal.diagnosis.compare.compare", lambda *_, **__: explained.first.comparison)
+    monkeypatch.setattr("gyrocal.diagnosis.answer.explain.explain", lambda *_, **__: explained)
+    monkeypatch.setattr("gyrocal.diagnosis.answer.compare.compare", lambda *_, **__: explained.first.comparison)
     shown = 0
     for words, theirs in commands(page):
         assert main(words) == 0

@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 import gyrocal.variables
-from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.keep import keep
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.formula_search import keep
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.present.pictures import residual_against
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.base import Symbol, Variable, quantile_edges, symbols, variables
 from gyrocal.variables.shapes import Shape, Waves
-from gyrocal.web.against import Panel, opened_by, panels
+from gyrocal.web.values.residual_plots import Panel, opened_by, panels
 from make_runs import make_run
 
 Array = NDArray[np.float64]

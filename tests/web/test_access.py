@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import charts
+from gyrocal.web.pictures import charts
 
 PAGES = ("start", "import", "live", "compare", "diagnose", "calibrate")
 UNNAMED = """() => [...document.querySelectorAll('input:not([type=hidden]), button, select, [role=button], [role=img]')]

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.levels import explained
+from gyrocal.diagnosis.answer.add import add
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.residual.levels import explained
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.beside import as_shown
+from gyrocal.web.worker.beside_named import as_shown
 
 
 def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:

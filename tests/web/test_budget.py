@@ -6,10 +6,10 @@ import re
 from dataclasses import replace
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.rate_unit import percent
+from gyrocal.diagnosis.residual.rate_unit import percent
 from gyrocal.present.budget import shown
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.budget import Budget, Line, of_answers
+from gyrocal.web.values.budget import Budget, Line, of_answers
 
 
 def test_every_source_of_the_command_line_is_shown_with_its_size_and_advice() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gyrocal.web.cards import evidence_of, grouped
-from gyrocal.web.views import Card
+from gyrocal.web.values.views import Card
+from gyrocal.web.widgets.cards import evidence_of, grouped
 
 
 def card(axis: str, gain: float = 9.0, **more: Any) -> Card:

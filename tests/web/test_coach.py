@@ -13,7 +13,7 @@ import pytest
 
 from gyrocal.device.outlet import TcpOutlet
 from gyrocal.device.wire import PROTOCOL, encode
-from gyrocal.web.coach import ANSWER_HZ, FLIP_HZ, advice, aim, answer, words
+from gyrocal.web.device.coach import ANSWER_HZ, FLIP_HZ, advice, aim, answer, words
 from gyrocal.web.panels.live import sample_rate
 
 from .test_charts import CHART, able, downloaded

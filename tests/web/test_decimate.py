@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from gyrocal.present.decimate import Pyramid, by_octave
 from gyrocal.present.spectra import Curve
-from gyrocal.web.charts import LIGHT
-from gyrocal.web.plots import STRETCHES, Timeline, curves
-from gyrocal.web.traces import Traces
-from gyrocal.web.views import ModelView, RunView, SessionView
+from gyrocal.web.pictures.charts import LIGHT
+from gyrocal.web.state.traces import Traces
+from gyrocal.web.values.views import ModelView, RunView, SessionView
+from gyrocal.web.widgets.plots import STRETCHES, Timeline, curves
 
 
 def written(folder: Path, values: np.ndarray) -> Pyramid:

@@ -11,7 +11,7 @@ import pytest
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
-from gyrocal.web.guide import errors, guidance
+from gyrocal.web.device.guide import errors, guidance
 
 TURN = "hold x level, z up or down; turn it about x by about 180 deg, either way; keep it still for two seconds"
 

@@ -8,17 +8,19 @@ import numpy as np
 import pytest
 
 from gyrocal.api import Model, Session, compare
-from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.bias_jumps import BiasJumps
 from gyrocal.effects.g_sensitivity import GSensitivity
 from gyrocal.inference.heldout import fitted
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Transient
-from gyrocal.web import charts, plots, prepare
-from gyrocal.web.against import ChangeOfRate, panels
-from gyrocal.web.hero import picture
-from gyrocal.web.small_picture import signature_svg
-from gyrocal.web.strip import share
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.small_picture import signature_svg
+from gyrocal.web.values.residual_plots import ChangeOfRate, panels
+from gyrocal.web.widgets import plots
+from gyrocal.web.widgets.run_strip import share
+from gyrocal.web.worker import prepare
+from gyrocal.web.worker.effect_picture import picture
 
 
 def points(n: int) -> dict[str, np.ndarray]:

@@ -11,8 +11,8 @@ import pytest
 
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import intake
-from gyrocal.web.intake import Asked
+from gyrocal.web.worker import intake
+from gyrocal.web.worker.intake import Asked
 
 from .test_charts import CHART, able
 

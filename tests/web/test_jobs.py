@@ -10,9 +10,9 @@ import pytest
 
 from gyrocal.errors import GyrocalError
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.jobs import Cancelled, Jobs
-from gyrocal.web.state import Workbench
-from gyrocal.web.views import Recording
+from gyrocal.web.state.jobs import Cancelled, Jobs
+from gyrocal.web.state.workbench import Workbench
+from gyrocal.web.values.views import Recording
 
 from .loop import finish
 

@@ -11,7 +11,7 @@ from typing import Any
 from device.fake import FakeDevice
 from gyrocal.device.record import Wanted
 from gyrocal.recording.session import Session
-from gyrocal.web.live import Live
+from gyrocal.web.device.live import Live
 
 from .loop import finish
 

@@ -16,8 +16,8 @@ from gyrocal.device.simulated import SimulatedDevice, replay, simulated_scenario
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import charts
-from gyrocal.web.words import method
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.words import method
 
 
 @pytest.fixture(scope="module")

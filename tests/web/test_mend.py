@@ -14,8 +14,8 @@ from gyrocal.plausibility import check
 from gyrocal.recording.run import Run
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.mend import KEPT_AS, Mend, apply, mends
-from gyrocal.web.views import RunView
+from gyrocal.web.values.views import RunView
+from gyrocal.web.worker.mend import KEPT_AS, Mend, apply, mends
 
 
 def reversed_gyro(run: Run) -> Run:

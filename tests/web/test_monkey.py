@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.export import BOX, PNG
-from gyrocal.web.hero_view import COPY
 from gyrocal.web.panels.compare import ZOOM
+from gyrocal.web.widgets.effect_view import COPY
+from gyrocal.web.widgets.export import BOX, PNG
 
 from .monkey import play
 

@@ -11,7 +11,7 @@ import pytest
 
 from gyrocal import calibration, gravity, plausibility, recording
 from gyrocal.present.report import BLOCKED
-from gyrocal.web.on_page import on_page
+from gyrocal.web.state.on_page import on_page
 
 FOLDERS = (plausibility, recording, calibration, gravity)
 BARE = re.compile(r"(?<!gyrocal import )(?<!gyrocal calibrate )--[a-z]")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.web import charts
-from gyrocal.web.against import panels
-from gyrocal.web.hero import picture
-from gyrocal.web.models import Recipe, doubted, doubts_of
-from gyrocal.web.parts import halves
-from gyrocal.web.small_picture import checks_svg
-from gyrocal.web.views import Card, Halves
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.small_picture import checks_svg
+from gyrocal.web.values.models import Recipe, doubted, doubts_of
+from gyrocal.web.values.residual_plots import panels
+from gyrocal.web.values.views import Card, Halves
+from gyrocal.web.worker.effect_picture import picture
+from gyrocal.web.worker.size_in_parts import halves
 
 
 def recordings(cold: float, warm: float) -> tuple[np.ndarray, dict[str, Any]]:

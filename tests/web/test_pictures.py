@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.charts import DARK, ICONS
+from gyrocal.web.pictures.charts import DARK, ICONS
 
 CHART = "getElement(Number(document.querySelector('%s .nicegui-echart').id.slice(1))).chart"
 MOVING = {"reduced_motion": "no-preference"}

@@ -10,7 +10,7 @@ import pytest
 
 from gyrocal.errors import InputError
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.places import Places
+from gyrocal.web.state.places import Places
 
 
 @pytest.fixture(scope="module")

@@ -78,7 +78,7 @@ def test_lines_of_the_model_file_are_not_broken_and_their_caption_stays(
 
 def content(toml: str, rows: int) -> dict[str, Any]:
     """What the report of the page shows, with a table of so many rows before the model file and nothing else."""
-    from gyrocal.web.report import columns
+    from gyrocal.web.worker.report import columns
 
     return {
         "facts": [], "held_out": "day", "unseen": lambda unit: "", "fall": None, "levels": [], "level_columns": ("axis:",),

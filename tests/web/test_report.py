@@ -22,19 +22,19 @@ import pytest
 
 from gyrocal.api import Model, Session, compare, fit
 from gyrocal.cli import main
-from gyrocal.diagnosis.levels import Floor, MeanSquares
+from gyrocal.diagnosis.residual.levels import Floor, MeanSquares
 from gyrocal.effects.base import effects
 from gyrocal.present import pictures
 from gyrocal.present.output import plus_minus
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import charts
-from gyrocal.web.effect_figure import effect_figure
-from gyrocal.web.fall import Levels
-from gyrocal.web.models import BY_HAND, Recipe, Step
-from gyrocal.web.report import correlated, page
-from gyrocal.web.state import Workbench
-from gyrocal.web.told import Change, story
-from gyrocal.web.views import Card, Picture
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.effect_figure import effect_figure
+from gyrocal.web.state.workbench import Workbench
+from gyrocal.web.values.excess_by_step import Levels
+from gyrocal.web.values.models import BY_HAND, Recipe, Step
+from gyrocal.web.values.story import Change, story
+from gyrocal.web.values.views import Card, Picture
+from gyrocal.web.worker.report import correlated, page
 from make_runs import make_run, make_session
 
 from .loop import finish

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.web.samples import KEPT, SHOWN_S, STRETCHES, Samples
+from gyrocal.web.device.samples import KEPT, SHOWN_S, STRETCHES, Samples
 
 
 def test_a_frame_holds_every_spike_of_the_last_seconds_and_no_other() -> None:

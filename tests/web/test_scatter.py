@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.taken import Taken
-from gyrocal.web.charts import LIGHT
-from gyrocal.web.export import as_csv
-from gyrocal.web.scatter import Scatter, meanings, options, sentences
-from gyrocal.web.words import method
+from gyrocal.web.pictures.charts import LIGHT
+from gyrocal.web.pictures.scatter import Scatter, meanings, options, sentences
+from gyrocal.web.pictures.words import method
+from gyrocal.web.widgets.export import as_csv
 
 
 def estimates(bias_mdps: list[float], error_mdps: float, flags: tuple[str, ...] = ()) -> list[dict[str, Any]]:

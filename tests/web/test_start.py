@@ -13,9 +13,9 @@ import pytest
 
 from gyrocal.effects.base import effects
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import live
-from gyrocal.web.places import Places
-from gyrocal.web.surprise import Hunt, Secret
+from gyrocal.web.device import live
+from gyrocal.web.state.places import Places
+from gyrocal.web.state.surprise import Hunt, Secret
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,8 @@ from gyrocal.cli import main
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.simulation.simulate import simulate
 from gyrocal.units import percentage
-from gyrocal.web import charts
-from gyrocal.web.words import method
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.words import method
 
 SECONDS, SCENARIOS = 20, 3
 

@@ -13,10 +13,10 @@ import pytest
 
 from gyrocal.calibration.network import FaceNetwork
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web import training
 from gyrocal.web.panels.calibrate import SHIPPED_FOR
-from gyrocal.web.state import Workbench
-from gyrocal.web.training import Training
+from gyrocal.web.state import training
+from gyrocal.web.state.training import Training
+from gyrocal.web.state.workbench import Workbench
 
 from .loop import finish
 

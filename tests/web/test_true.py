@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.levels import Level
+from gyrocal.diagnosis.residual.levels import Level
 from gyrocal.effects.base import effects
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
-from gyrocal.web.bench import Bench
-from gyrocal.web.doubt import _not_enough
-from gyrocal.web.fall import Counted, Fall, fall
-from gyrocal.web.hero import left_now, of_each_run
-from gyrocal.web.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
-from gyrocal.web.opened import Opened
 from gyrocal.web.panels.compare import _counted
-from gyrocal.web.traces import Traces
-from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
-from gyrocal.web.words import evidence, explains, symbols
+from gyrocal.web.pictures.words import evidence, explains, symbols
+from gyrocal.web.state.traces import Traces
+from gyrocal.web.values.excess_by_step import Counted, Fall, fall
+from gyrocal.web.values.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
+from gyrocal.web.values.views import Card, DiagnosisView, ModelView, Picture, Recording
+from gyrocal.web.worker.bench import Bench
+from gyrocal.web.worker.doubt import _not_enough
+from gyrocal.web.worker.effect_picture import left_now, of_each_run
+from gyrocal.web.worker.opened import Opened
 
 pytestmark = pytest.mark.usefixtures("known_answers")
 AMPLITUDE_DPS = 0.06

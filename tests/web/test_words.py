@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.rate_unit import PERCENT, rate_text
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.rate_unit import PERCENT, rate_text
 from gyrocal.effects.bias_jumps import BiasJumps
 from gyrocal.effects.lag import Lag
 from gyrocal.effects.saturation import Saturation
@@ -18,12 +18,14 @@ from gyrocal.effects.vibration_tone import VibrationTone
 from gyrocal.present.report import sizes
 from gyrocal.variables.direction import CHANGING
 from gyrocal.variables.shapes import Columns, Steps, TableWave, Transient
-from gyrocal.web import charts, plots, prepare
-from gyrocal.web.against import panels
-from gyrocal.web.live import Live
-from gyrocal.web.models import Recipe, added
-from gyrocal.web.views import Holdable
-from gyrocal.web.words import above_excess, evidence, held_by_hand, no_picture
+from gyrocal.web.device.live import Live
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.words import above_excess, evidence, held_by_hand, no_picture
+from gyrocal.web.values.models import Recipe, added
+from gyrocal.web.values.residual_plots import panels
+from gyrocal.web.values.views import Holdable
+from gyrocal.web.widgets import plots
+from gyrocal.web.worker import prepare
 
 SCALE = 1e-4
 """The planted error of the rate's scale."""

@@ -22,7 +22,7 @@ def run(
 
     EFFECT and SESSION may be given in either order. The model is kept in the file of --model; without it nothing is written.
     """
-    from gyrocal.diagnosis.add import add, effect_named
+    from gyrocal.diagnosis.answer.add import add, effect_named
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session

@@ -78,7 +78,7 @@ def run(
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:
     """Print the estimates as a table, with the meaning of their flags and their budget."""
     from gyrocal.calibration.flags import FLAGS
-    from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+    from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, percent, unit_of
     from gyrocal.present.budget import print_budget
     from gyrocal.present.output import stdout, table
     from gyrocal.present.report import print_warnings

@@ -23,8 +23,8 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Compare the model with the measurements: how much error is left beyond the noise, and where."""
-    from gyrocal.diagnosis.compare import compare
-    from gyrocal.diagnosis.residuals import write_residuals
+    from gyrocal.diagnosis.answer.compare import compare
+    from gyrocal.diagnosis.residual.residual_table import write_residuals
     from gyrocal.errors import InputError
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_comparison, write_page

@@ -17,7 +17,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""
-    from gyrocal.diagnosis.diagnose import diagnose
+    from gyrocal.diagnosis.answer.diagnose import diagnose
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_diagnosis
     from gyrocal.recording.session import Session

@@ -21,7 +21,7 @@ def run(
 
     The model is kept in the file of --model; without it nothing is written.
     """
-    from gyrocal.diagnosis.explain import explain
+    from gyrocal.diagnosis.answer.explain import explain
     from gyrocal.present.explanation import print_explanation, write_explanation
     from gyrocal.present.output import emit, working
     from gyrocal.recording.session import Session

@@ -24,7 +24,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
-    from gyrocal.diagnosis.keep import keep
+    from gyrocal.diagnosis.answer.formula_search import keep
     from gyrocal.present.output import emit, plus_minus, stdout, working
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session

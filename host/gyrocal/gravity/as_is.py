@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gyrocal.diagnosis.as_is import ROLES, remark, with_values, words
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.moved import Moved, parameters_moved, strongest_first
+from gyrocal.diagnosis.answer.as_is import ROLES, remark, with_values, words
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.parameter_moved import Moved, parameters_moved, strongest_first
 from gyrocal.effects.base import Role, with_role
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity.compare import Comparison, findings, level_by_axis, measure

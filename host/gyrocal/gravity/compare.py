@@ -11,10 +11,10 @@ import numpy as np
 import polars as pl
 
 from gyrocal import plausibility, tails
-from gyrocal.diagnosis.angles import Level
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.moved import Moved
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual.angles import Level
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gyrocal.diagnosis.add import lacking_axes, only_axis
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.decision import proven
-from gyrocal.diagnosis.diagnose import verdict_on
-from gyrocal.diagnosis.explain import Concluded
+from gyrocal.diagnosis.answer.add import lacking_axes, only_axis
+from gyrocal.diagnosis.answer.diagnose import verdict_on
+from gyrocal.diagnosis.answer.explain import Concluded
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import proven
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model, Term

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.model import Term
 from gyrocal.gravity.fit import CROSS, GravityFit, full, least_squares, why_invisible

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.angles import Level
+from gyrocal.diagnosis.residual.angles import Level
 from gyrocal.gravity.fit import least_squares
 from gyrocal.gravity.observations import Observations, Rows
 from gyrocal.gravity.scene import Scene

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.diagnosis.candidate import Candidate, best_first
-from gyrocal.diagnosis.decision import in_range, proven, with_q_values
-from gyrocal.diagnosis.rivals import with_groups
+from gyrocal.diagnosis.naming.candidate import Candidate, best_first
+from gyrocal.diagnosis.naming.decision import in_range, proven, with_q_values
+from gyrocal.diagnosis.naming.rivals import with_groups
 from gyrocal.effects.base import Effect, effects
 from gyrocal.error_model.model import Term
 from gyrocal.gravity.evidence import Evidence

@@ -31,7 +31,7 @@ from gyrocal.recording.session import Array
 SECONDS = 1.0
 """Length of a segment, s. A tone that sweeps by 1 Hz/s stays within one frequency of it."""
 LOWEST_HZ = 5.0
-"""Below, block means are tested (``diagnosis/whiteness.py``, ``diagnosis/hump.py``)."""
+"""Below, block means are tested (``diagnosis/residual/whiteness.py``, ``diagnosis/residual/power_band.py``)."""
 LEAST_FREQUENCIES, LEAST_SEGMENTS = 12, 20
 BANDS = (2, 3, 4, 6, 8, 12, 16)
 """Widths of a band, in frequencies of a segment."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.effects.base import Effect, OfEachRun, Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks

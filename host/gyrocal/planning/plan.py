@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.planning.columns import Columns, Member

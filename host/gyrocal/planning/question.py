@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
 from gyrocal.calibration.calibrate import POOLED, Estimate
-from gyrocal.diagnosis.rate_unit import percent, shares, unit_of
+from gyrocal.diagnosis.residual.rate_unit import percent, shares, unit_of
 from gyrocal.present.output import stdout, table
 from gyrocal.present.taken import words
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.drawn import described, most_visible_of
-from gyrocal.diagnosis.explain import Explanation, Open, Step
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.probes import of_session
-from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.diagnosis.answer.explain import Explanation, Open, Step
+from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.drawn_size import described, most_visible_of
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.probes import of_session
+from gyrocal.diagnosis.residual.rate_unit import RateUnit, unit_of
 from gyrocal.effects.base import Role, with_role
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import Fit

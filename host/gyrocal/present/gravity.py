@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.rate_unit import RateUnit, negligible, shares, unit_of
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual.rate_unit import RateUnit, negligible, shares, unit_of
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.present.report import in_percent
 from gyrocal.units import to_read
 

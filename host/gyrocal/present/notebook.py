@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from gyrocal.calibration.calibration import Calibration
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis
-from gyrocal.diagnosis.explain import Explanation
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.explain import Explanation
+from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.error_model.model import Model
 from gyrocal.gravity import compare as gravity
 from gyrocal.gravity import diagnose as gravity_diagnosis

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.rate_unit import part_unit
+from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.rate_unit import part_unit
 from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gyrocal.diagnosis import angles
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis
-from gyrocal.diagnosis.explain import REPEAT
-from gyrocal.diagnosis.levels import explained
-from gyrocal.diagnosis.moved import Moved
-from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
+from gyrocal.diagnosis.answer.diagnose import Diagnosis
+from gyrocal.diagnosis.answer.explain import REPEAT
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual import angles
+from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.levels import explained
+from gyrocal.diagnosis.residual.parameter_moved import Moved
+from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
 from gyrocal.effects.base import Effect, title_of
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility import absent

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.noise.orders import order_spectrum
 from gyrocal.present.decimate import Stretches, by_octave

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.rate_unit import rounded, unit_of
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.residual.rate_unit import rounded, unit_of
 from gyrocal.policy import POLICY
 
 NOISE_ERRORS = 3.0

@@ -12,9 +12,9 @@ from urllib.parse import quote
 
 from nicegui import Client, Event, app, ui
 
-from gyrocal.web import charts
-from gyrocal.web.state import Topic, Workbench
-from gyrocal.web.surprise import Hunt
+from gyrocal.web.pictures import charts
+from gyrocal.web.state.surprise import Hunt
+from gyrocal.web.state.workbench import Topic, Workbench
 
 PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
 """The panels, each a file of ``panels``. They are imported when they are shown, or after the first page is drawn."""

@@ -151,7 +151,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # it starts while this does
 
     gc.disable()  # what is imported is no garbage
-    from gyrocal.web.state import Workbench
+    from gyrocal.web.state.workbench import Workbench
 
     bench = Workbench([Path.cwd()] if session is None else [Path.cwd(), session], lambda topic: page.tell(topic))
     if session is not None:

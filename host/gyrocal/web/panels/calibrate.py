@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.residual.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.present.tables import number, plain
-from gyrocal.web import answers, scatter
-from gyrocal.web.on_page import on_page
-from gyrocal.web.state import Topic
-from gyrocal.web.tools import named, tools
-from gyrocal.web.training import Training, missing
-from gyrocal.web.words import not_yet
+from gyrocal.web.pictures import answer_table as answers
+from gyrocal.web.pictures import scatter
+from gyrocal.web.state.on_page import on_page
+from gyrocal.web.state.training import Training, missing
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.widgets.tools import named, tools
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -67,7 +67,7 @@ class CalibratePanel:
         with self.answers:
             ui.html("<h2>Scale and bias</h2>", sanitize=False)
             if self.bench.step is None:
-                ui.label(not_yet(self.bench)).classes("dim")
+                ui.label(self.bench.not_yet).classes("dim")
                 if self.bench.session is None and not self.bench.opening:
                     ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return

@@ -8,25 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from gyrocal.diagnosis.rate_unit import UNKNOWN
+from gyrocal.diagnosis.residual.rate_unit import UNKNOWN
 from gyrocal.present.verdict import beyond_noise, high_floor, stands_on
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.web import charts, export, plots, warned
-from gyrocal.web.against import panels
-from gyrocal.web.chips import chip, press
-from gyrocal.web.state import Topic
-from gyrocal.web.strip import REFOCUS, strip
-from gyrocal.web.toolbar import toolbar
-from gyrocal.web.tools import named, tool, tools
-from gyrocal.web.traces import Traces
-from gyrocal.web.views import AXES, NOT_JUDGED, ModelView, Place, RunView
-from gyrocal.web.words import above_excess
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.words import above_excess
+from gyrocal.web.state.traces import Traces
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.values.residual_plots import panels
+from gyrocal.web.values.views import AXES, NOT_JUDGED, ModelView, Place, RunView
+from gyrocal.web.widgets import export, plots, warned
+from gyrocal.web.widgets.chips import chip, press
+from gyrocal.web.widgets.run_strip import REFOCUS, strip
+from gyrocal.web.widgets.toolbar import toolbar
+from gyrocal.web.widgets.tools import named, tool, tools
 
 if TYPE_CHECKING:
-    from gyrocal.web.fall import Fall
     from gyrocal.web.page import Tab
+    from gyrocal.web.values.excess_by_step import Fall
 
 PANELS = {panel.name: panel for panel in panels()}
 VIEWS = {

@@ -10,22 +10,23 @@ from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
 from gyrocal.present.verdict import left_over
-from gyrocal.web import charts, warned
-from gyrocal.web.cards import by_hand, effect_card, grouped, not_found, together
-from gyrocal.web.explain_all import explain_all
-from gyrocal.web.fall_chart import waterfall
-from gyrocal.web.formula_card import formula_card
-from gyrocal.web.held import parameters
-from gyrocal.web.hero_view import HeroView
-from gyrocal.web.models import doubts_of, latest
-from gyrocal.web.on_page import on_page
-from gyrocal.web.side_by_side import side_by_side
-from gyrocal.web.state import Topic
-from gyrocal.web.told import as_added
-from gyrocal.web.tools import named, tools
-from gyrocal.web.try_any import try_any
-from gyrocal.web.views import DiagnosisView
-from gyrocal.web.words import CALIBRATION_ERROR, held_by_hand, not_yet
+from gyrocal.web.pictures import charts
+from gyrocal.web.pictures.excess_chart import waterfall
+from gyrocal.web.pictures.words import CALIBRATION_ERROR, held_by_hand
+from gyrocal.web.state.on_page import on_page
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.values.models import doubts_of, latest
+from gyrocal.web.values.story import as_added
+from gyrocal.web.values.views import DiagnosisView
+from gyrocal.web.widgets import warned
+from gyrocal.web.widgets.cards import by_hand, effect_card, grouped, not_found, together
+from gyrocal.web.widgets.effect_view import HeroView
+from gyrocal.web.widgets.explain_all import explain_all
+from gyrocal.web.widgets.formula_card import formula_card
+from gyrocal.web.widgets.held_parameters import parameters
+from gyrocal.web.widgets.side_by_side import side_by_side
+from gyrocal.web.widgets.tools import named, tools
+from gyrocal.web.widgets.try_any import try_any
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -79,7 +80,7 @@ class DiagnosePanel:
             found = self.bench.diagnosis
             if self.bench.step is None:
                 with ui.element("div").classes("face"):
-                    ui.label(not_yet(self.bench)).classes("big")
+                    ui.label(self.bench.not_yet).classes("big")
                     if self.bench.session is None and not self.bench.opening:
                         ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return

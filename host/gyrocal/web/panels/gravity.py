@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, percent, unit_of
 from gyrocal.present.tables import number, plain
 from gyrocal.present.verdict import stands_on
-from gyrocal.web import warned
-from gyrocal.web.by_gravity import GravityView
-from gyrocal.web.on_page import on_page
-from gyrocal.web.state import Topic
-from gyrocal.web.strips import strips
-from gyrocal.web.words import unseen
+from gyrocal.web.pictures.words import unseen
+from gyrocal.web.state.on_page import on_page
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.widgets import warned
+from gyrocal.web.widgets.column_chart import strips
+from gyrocal.web.worker.by_gravity import GravityView
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab

@@ -12,11 +12,11 @@ from nicegui import events, ui
 
 from gyrocal.errors import InputError
 from gyrocal.present.tables import plain
-from gyrocal.web import warned
-from gyrocal.web.intake import KINDS, Asked, Looked
-from gyrocal.web.on_page import on_page
-from gyrocal.web.state import Topic
-from gyrocal.web.strips import strips
+from gyrocal.web.state.on_page import on_page
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.widgets import warned
+from gyrocal.web.widgets.column_chart import strips
+from gyrocal.web.worker.intake import KINDS, Asked, Looked
 
 if TYPE_CHECKING:
     from gyrocal.recording.cut import Cut

@@ -13,12 +13,12 @@ from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
-from gyrocal.web import hidden
-from gyrocal.web.chips import chip, press
-from gyrocal.web.coach import Coach, judged, words
-from gyrocal.web.guide import Guide
-from gyrocal.web.readings import Readings
-from gyrocal.web.state import Topic
+from gyrocal.web.device import hidden_effects as hidden
+from gyrocal.web.device.coach import Coach, judged, words
+from gyrocal.web.device.guide import Guide
+from gyrocal.web.state.workbench import Topic
+from gyrocal.web.widgets.chips import chip, press
+from gyrocal.web.widgets.readings import Readings
 
 if TYPE_CHECKING:
     from gyrocal.device.record import Wanted

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.errors import InputError
-from gyrocal.web import hidden
-from gyrocal.web.places import Listed
-from gyrocal.web.state import Topic
+from gyrocal.web.device import hidden_effects as hidden
+from gyrocal.web.state.places import Listed
+from gyrocal.web.state.workbench import Topic
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab

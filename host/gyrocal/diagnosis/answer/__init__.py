@@ -1,0 +1,1 @@
+"""What the verbs answer: compare, diagnose, add, explain, and the search for a formula."""

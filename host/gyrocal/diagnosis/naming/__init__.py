@@ -1,0 +1,1 @@
+"""Which effect explains a misfit: the candidates, the evidence for each, and the decision."""

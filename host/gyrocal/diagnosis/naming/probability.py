@@ -1,0 +1,144 @@
+"""The probability of each candidate, by the evidence of sets of effects, and the names that it does not support.
+
+The tests of the other files ask whether an effect explains the session better than nothing does. The evidence asks whether it
+explains the session better than other sets, and than a disturbance without a name. A name that only the first are sure of is
+suggested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gyrocal.diagnosis.naming.candidate import Candidate, best_first
+from gyrocal.diagnosis.naming.decision import in_range
+from gyrocal.diagnosis.naming.rivals import cosine
+from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.evidence import hypotheses
+from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
+from gyrocal.evidence.curve import stated
+from gyrocal.policy import POLICY
+from gyrocal.threads import each
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class OnAxis:
+    """A set of effects that explains one axis, with its probability."""
+
+    axis: str
+    found: Alternative
+
+    @property
+    def probability(self) -> float:
+        """The probability as it is stated."""
+        from scipy.special import logit
+
+        return stated(float(logit(min(self.found.probability, 1 - 1e-12))))
+
+    def to_json(self) -> dict[str, Any]:
+        found = self.found
+        return {
+            "axis": self.axis, "effects": list(found.effects), "unnamed": list(found.unnamed), "probability": self.probability,
+        }  # fmt: skip
+
+
+def with_probabilities(
+    candidates: Sequence[Candidate], comparison: Comparison, progress: Progress | None = None
+) -> tuple[list[Candidate], list[OnAxis]]:
+    """The candidates with their probabilities and checks, as far as they can be judged, and the sets that explain each axis.
+
+    Nothing can be judged where only the net angle of each run is known.
+    """
+    if all(run.rate_is_mean for run in comparison.fit.session.runs):
+        return list(candidates), []
+
+    def on(axis: str) -> Evidence | None:
+        if progress is not None:
+            progress(f"weighing sets of effects on {axis}")
+        return _on_axis([c for c in candidates if c.axis == axis], Current.of(comparison, axis))
+
+    axes = comparison.judged
+    evidence = dict(zip(axes, each(on, axes, comparison.fit.session.rows), strict=True))
+    out = []
+    for c in candidates:
+        found = evidence.get(c.axis)
+        if found is not None and c.effect.id in found.log_odds:
+            log_odds, checks = found.log_odds[c.effect.id], found.checks.get(c.effect.id)
+            of_group = found.of_any(c.group) if len(c.group) > 1 else None
+            c = replace(c, log_odds=log_odds, checks=checks, group_log_odds=of_group)
+        out.append(c)
+    sets = [OnAxis(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
+    return out, [one for one in sets if one.probability >= TOLD]
+
+
+Beside = Callable[[Sequence[Candidate], Sequence[Candidate]], list[Candidate]]
+"""Those of the second candidates that gain beside the first ones, as :func:`gyrocal.diagnosis.naming.beside.beside_sure`."""
+
+
+def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) -> list[Candidate]:
+    """The candidates, best first, with the decisions on which tests and evidence agree.
+
+    A sure name of the tests that the evidence can judge and is not sure of is suggested, and so are rivals of which it is not
+    sure that any acts, or one of which fails a check. On an axis that is known to fail (``failing``) and has no other name, an
+    effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
+    rivals, and none of them has the same shape. Beside a sure name, every such effect is named that gains beside it, whatever
+    the tests make of it alone.
+    """
+    weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
+
+    def told_apart(c: Candidate, rival: Candidate | None) -> bool:
+        return rival is not None and (rival is c or cosine(c.signal, rival.signal) <= POLICY.same_shape)
+
+    def alone(c: Candidate) -> bool:
+        return all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
+
+    def unlike(c: Candidate) -> bool:
+        return c.doubted or (c.checks is not None and not c.checks.passed)
+
+    sure = {c.axis for c in candidates if c.named and not c.doubted}
+
+    def named(c: Candidate) -> bool:
+        told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
+        return told and alone(c) and c.axis in failing - sure and in_range(c) and c.sure
+
+    found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
+    settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
+    settled |= {(id_, c.axis) for c in candidates if c.decision == "add" and len(c.group) > 1 and unlike(c) for id_ in c.group}
+    out = []
+    for c in candidates:
+        key = c.effect.id, c.axis
+        if key in found:
+            c = replace(c, decision="add", group=())
+        elif c.decision == "add" and (c.doubted or key in settled):
+            c = replace(c, decision="suggest", group=())
+        out.append(c)
+    joined: dict[tuple[str, str], Candidate] = {}
+    for axis in sorted({c.axis for c in out if c.named}):
+        joined |= {(c.effect.id, c.axis): c for c in _joined(out, axis, alone, beside)}
+
+    def left(c: Candidate) -> Candidate:
+        beaten = c.decision == "add" and len(c.group) > 1 and any((id_, c.axis) in joined for id_ in c.group)
+        return replace(c, decision="suggest", group=()) if beaten else c
+
+    return sorted((joined.get((c.effect.id, c.axis)) or left(c) for c in out), key=best_first)
+
+
+def _joined(candidates: Sequence[Candidate], axis: str, alone: Callable[[Candidate], bool], beside: Beside) -> list[Candidate]:
+    """The effects that are named beside the sure ones of an axis."""
+    mine = [c for c in candidates if c.axis == axis and c.decision != "not_measurable"]
+    waiting = [c for c in mine if not c.named and c.sure and c.checks is not None and not c.contradicted and alone(c)]
+    waiting.sort(key=lambda c: -(c.log_odds or 0.0))
+    return beside([c for c in mine if c.named], waiting) if waiting else []
+
+
+def _on_axis(candidates: Sequence[Candidate], current: Current) -> Evidence | None:
+    """The evidence on one axis, beside what is named there and has no probability, such as a wave or a fault of the reading."""
+    runs = [b.run for b in current.fit.design.blocks]
+    for c in candidates:
+        if c.decision == "add" and not hypotheses.judged(c.effect, runs, current.index):
+            current = current.with_effect(c.effect, c.values)
+    return weigh(current.fit, [t.effect_id for t in current.fit.terms])

@@ -1,0 +1,1 @@
+"""The device, live: its port, its samples, and the coach of a recording."""

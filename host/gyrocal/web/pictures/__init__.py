@@ -1,0 +1,1 @@
+"""Charts, pictures and texts, for the page and for the report."""

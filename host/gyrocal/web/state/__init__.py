@@ -1,0 +1,1 @@
+"""What all tabs share: the session, its models, the jobs and the files."""
