@@ -37,7 +37,7 @@ ALLOWED = {
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",
     **{
         (f"host/gyrocal/web/{name}.py", field): "a field of an answer"
-        for name, field in (("coach", "scale"), ("scatter", "scale"), ("scatter", "bias"))
+        for name, field in (("device/coach", "scale"), ("pictures/scatter", "scale"), ("pictures/scatter", "bias"))
     },
 }
 

@@ -176,11 +176,8 @@ def simulate(
             if vary or campaign == "table2":  # the paper's scenarios differ by more than a turn-on (its Fig. 4)
                 scale, bias_dps = own.draw(rng)
         truth = RunTruth(f"{before + i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
-        extra = table2_draw(rng) if campaign == "table2" else []
-        earlier = [run for run in runs if run.scenario == planned.scenario]
-        runs.append(
-            simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, days[planned.day], several, rng, earlier)
-        )
+        acting = [*planted, *(table2_draw(rng) if campaign == "table2" else [])]
+        runs.append(simulate_run(before + i, planned, truth, acting, shared, own, days[planned.day], several, rng, runs))
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(runs_of))
@@ -265,7 +262,7 @@ def simulate_run(
     rng: np.random.Generator,
     earlier: Sequence[Run] = (),
 ) -> Run:
-    """One run, after the ``earlier`` ones of its power cycle.
+    """One run, after the ``earlier`` ones.
 
     The planted effects are added to ``truth.effects``, and those that are the same in all runs to ``shared``.
     An effect acts on all axes if the table turns about ``several``, otherwise only on the table's axis.
@@ -277,7 +274,7 @@ def simulate_run(
         return Run(
             index, truth.file, planned.scenario, planned.face, planned.axis,
             planned.table_rate_dps if planned.swing is None else None, None, planned.day, planned.power_on_s, RATE_HZ,
-            frame=table, lsb_dps=LSB_DPS, earlier=tuple(earlier),
+            frame=table, lsb_dps=LSB_DPS, earlier=tuple(run for run in earlier if run.scenario == planned.scenario),
         )  # fmt: skip
 
     drawn: list[tuple[base.Effect, base.Values]] = []
