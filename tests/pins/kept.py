@@ -71,7 +71,9 @@ def candidate(c: Answer) -> dict[str, str]:
     }
     drop, error = c["excess_drop_dps"], c["excess_drop_se_dps"]
     if c["decision"] == "add" and drop:
-        said |= {"drop": figure(drop, error), "explained": figure(c["explained"], 2 * error / abs(drop))}
+        said["drop"] = figure(drop, error)
+        if c["explained"] is not None:
+            said["explained"] = figure(c["explained"], 2 * error / abs(drop))
     return {key: value for key, value in said.items() if value}
 
 
