@@ -100,7 +100,7 @@ class Current:
         part = replace(
             whole, session=whole.session.with_runs(b.run for b in blocks), blocks=blocks, axes={self.axis: fitted}
         )  # fmt: skip
-        return Current(replace(self.comparison, fit=part), self.axis, fitted)
+        return Current(replace(self.comparison, fit=part, likeliest=part), self.axis, fitted)
 
     @property
     def units(self) -> list[str]:

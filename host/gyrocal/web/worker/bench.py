@@ -46,7 +46,7 @@ from gyrocal.web.values.views import (
     Recording,
 )
 from gyrocal.web.worker import by_gravity, intake
-from gyrocal.web.worker.beside_named import as_shown
+from gyrocal.web.worker.beside_named import as_shown, sure_ones
 from gyrocal.web.worker.doubt import doubts, faster
 from gyrocal.web.worker.effect_picture import picture
 from gyrocal.web.worker.mend import Mend, apply
@@ -294,7 +294,7 @@ def _cards(found: Diagnosis, candidates: Sequence[Candidate]) -> list[Card]:
     cards = []
     for c in candidates:
         signal = _signal(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None
-        others = [o for o in candidates if o.axis == c.axis and o.named and not o.together] if c.decision == "suggest" else []
+        others = sure_ones([o for o in candidates if o.axis == c.axis]) if c.decision == "suggest" else []
         left = _without(others, found.comparison, drawn, c.axis)
         cards.append(Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,

@@ -32,9 +32,15 @@ def as_shown(found: Diagnosis) -> list[Candidate]:
     return sorted(out, key=lambda c: 0 if c.named else ORDER[c.decision])
 
 
+def sure_ones(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Of the candidates of one axis, those that are sure by themselves, and those that are sure beside these."""
+    alone = {c.effect.id for c in candidates if c.named and not c.together}
+    return [c for c in candidates if c.named and (not c.together or alone & set(c.together))]
+
+
 def _on_axis(candidates: Sequence[Candidate], comparison: Comparison, axis: str, tested: int) -> dict[str, Candidate]:
     """The candidates that change on one axis, by the ids of their effects."""
-    sure = [c for c in candidates if c.named and not c.together]
+    sure = sure_ones(candidates)
     several = [c for c in candidates if c.decision == "add" and len(c.group) > 1]
     hints = [c for c in candidates if c.decision == "suggest" and not c.together]
     changed: dict[str, Candidate] = {}
