@@ -31,13 +31,14 @@ def decisions(*candidates: Candidate, failing: str = "z", beside: Any = gaining)
 
 
 def test_a_name_without_support_is_suggested() -> None:
-    for log_odds, checks in ((2.5, PASSED), (30.0, FAILED), (-5.0, None)):
-        one = candidate("drift", "add", log_odds, checks)
+    for log_odds, checks, gain in ((2.5, PASSED, 11.0), (1.0, PASSED, 90.0), (30.0, FAILED, 90.0), (-5.0, None, 90.0)):
+        one = candidate("drift", "add", log_odds, checks, gain=gain)
         assert decisions(one) == {"drift": ("suggest", ())}
 
 
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
-    assert decisions(candidate("drift", "add", 6.0)) == {"drift": ("add", ())}
+    assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
+    assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
     assert decisions(candidate("vibration_tone", "add", None, None)) == {"vibration_tone": ("add", ())}
 
 

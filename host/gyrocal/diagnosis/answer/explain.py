@@ -220,9 +220,8 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
     if not choice.certain and not choice.open:
         return alone
     stay = {e.id for e in choice.certain} | set(choice.open)
-    of_axis = [c for c in diagnosis.candidates if c.axis == lead.axis and c.log_odds is not None]
-    doubted = {c.effect.id for c in of_axis if not c.sure}
-    new = tuple(e for e in choice.certain if e.id not in earlier and e.id not in doubted)
+    unsupported = {c.effect.id for c in diagnosis.candidates if c.axis == lead.axis and not c.supported}
+    new = tuple(e for e in choice.certain if e.id not in earlier and e.id not in unsupported)
     return _Plan(lead, new, tuple(i for i in reconsidered if i not in stay), _open(diagnosis, lead, choice.open))
 
 

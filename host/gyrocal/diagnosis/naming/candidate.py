@@ -78,11 +78,16 @@ class Candidate:
         return self.log_odds is not None and curve.sure(self.log_odds, self.checks)
 
     @property
+    def supported(self) -> bool:
+        """True if the evidence of sets supports a name of the other tests, or cannot judge it."""
+        return self.log_odds is None or curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
+
+    @property
     def doubted(self) -> bool:
-        """True if the evidence of sets can judge the effect, or that one of its group acts, and is not sure of it."""
+        """True if the evidence of sets does not support the effect, or that one of its group acts, as far as it can judge."""
         if len(self.group) > 1:
             return self.group_log_odds is not None and not curve.sure(self.group_log_odds, None)
-        return self.log_odds is not None and not self.sure
+        return not self.supported
 
     def __repr__(self) -> str:
         gain = "" if self.gain is None else f", held-out gain {self.gain:.3g}"

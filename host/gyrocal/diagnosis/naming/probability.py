@@ -82,7 +82,7 @@ Beside = Callable[[Sequence[Candidate], Sequence[Candidate]], list[Candidate]]
 def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) -> list[Candidate]:
     """The candidates, best first, with the decisions on which tests and evidence agree.
 
-    A sure name of the tests that the evidence can judge and is not sure of is suggested, and so are rivals of which it is not
+    A sure name of the tests that the evidence can judge and does not support is suggested, and so are rivals of which it is not
     sure that any acts, or one of which fails a check. On an axis that is known to fail (``failing``) and has no other name, an
     effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
     rivals, and none of them has the same shape. Beside a sure name, every such effect is named that gains beside it, whatever
