@@ -194,7 +194,10 @@ def shown(finding: Finding | None) -> str:
 
 
 def removed(step: Step) -> Finding | None:
-    """What a step removed from the residual as it is drawn, on its axis with most of it; without a variable, as a finding."""
+    """What a step removed from the residual as it is drawn, on its axis with most of it; without a variable, as a finding.
+
+    A variable of the effects' equations comes before one that happens to follow the same course, such as the time.
+    """
     old, new = step.before.fit, step.after.fit
     taken = {axis: _difference(old.on(axis), new.on(axis)) for axis in step.axes if axis in old.axes and axis in new.axes}
     if not taken:
@@ -202,7 +205,9 @@ def removed(step: Step) -> Finding | None:
     axis = max(taken, key=lambda a: float(np.var(taken[a])))
     on_axis = of_session(step.before.fit.session, AXES.index(axis))
     shapes = [(against, shape) for against, some in on_axis for shape in some]
-    followed = most_visible_of(old.axes[axis], taken[axis], shapes)
+    equations = " ".join(t.effect.equation for t in step.after.fit.model.terms if t.effect_id in step.effects)
+    own = [(against, shape) for against, shape in shapes if variables()[against].in_equation(equations)]
+    followed = most_visible_of(old.axes[axis], taken[axis], own) or most_visible_of(old.axes[axis], taken[axis], shapes)
     if followed is None:
         return removed_finding(step)
     against, shape = followed

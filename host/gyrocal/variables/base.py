@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -95,6 +96,12 @@ class Variable(ABC):
     def terms(self, symbol: str, values: Array) -> list[str]:
         """Smooth terms of a formula in one of the searched symbols, given its values [n] over the session."""
         return terms.functions(symbol, values)
+
+    @classmethod
+    def in_equation(cls, equation: str, component: str = "") -> bool:
+        """True if an effect's equation contains the variable, or its component."""
+        own = [f"a{component}"] if component and cls.components else [*cls.letters, *cls.symbols]
+        return any(re.search(rf"(?<!\w){letter}(?!\w)", equation) for letter in own)
 
     def steps(self, axis: int, edges: Array, names: Sequence[str] = ()) -> list[Shape]:
         """Steps of the variable between edges [k], and steps times the true rate if the table turns about the axis.

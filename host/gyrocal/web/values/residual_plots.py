@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
@@ -32,9 +31,7 @@ class Panel:
 
     def in_equation(self, equation: str) -> bool:
         """True if an effect's equation contains the variable, or its component."""
-        variable = self.variable
-        own = [f"a{self.component}"] if self.component and variable.components else [*variable.letters, *variable.symbols]
-        return any(re.search(rf"(?<!\w){letter}(?!\w)", equation) for letter in own)
+        return self.variable.in_equation(equation, self.component)
 
     def key(self, axis: str) -> str:
         """The name of the stored points for the residual of an axis."""
