@@ -66,7 +66,7 @@ def with_probabilities(
     out = []
     for c in candidates:
         found = evidence.get(c.axis)
-        if found is not None and c.effect.id in found.log_odds:
+        if found is not None and c.decision != "not_measurable" and c.effect.id in found.log_odds:
             log_odds, checks = found.log_odds[c.effect.id], found.checks.get(c.effect.id)
             of_group = found.of_any(c.group) if len(c.group) > 1 else None
             c = replace(c, log_odds=log_odds, checks=checks, group_log_odds=of_group)
