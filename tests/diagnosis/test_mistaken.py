@@ -52,6 +52,24 @@ def test_friction_beside_an_error_of_the_clock_brings_no_lag_into_the_set() -> N
     assert [e.id for e in choose(current, [base.effect("clock_error"), base.effect("lag")], 20).certain] == ["clock_error"]
 
 
+@pytest.mark.parametrize("times_rate", [False, True])
+def test_a_bump_in_each_run_is_no_ripple_of_the_table(times_rate: bool) -> None:
+    """A free phase in each run of a turn and a half follows any course, and the bump comes at the same time in each."""
+    rng = np.random.default_rng(11)
+    t_s = np.arange(round(7 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for k in range(8):
+        rate_dps = 78.0 if k % 2 else -78.0
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
+        bump = 0.06 * np.exp(-(((t_s - 3) / 1.2) ** 2))
+        gyro[:, 2] += rate_dps + bump * (np.sign(rate_dps) if times_rate else 1.0)
+        face = "up" if k % 2 else "down"
+        runs.append(make_run(t_s, gyro, scenario=f"s{k // 2}", rate_hz=RATE_HZ, table_rate_dps=78.0, face=face))
+    found = diagnose(make_session(*runs))
+    assert found.verdict == "unknown"
+    assert [c.effect.id for c in found.candidates if c.decision == "add"] == []
+
+
 def at_one_rate(leak: float) -> Session:
     """Each power cycle face up and face down at 78 deg/s, without an accelerometer."""
     rng = np.random.default_rng(5)

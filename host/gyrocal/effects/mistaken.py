@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
 from gyrocal.effects.quantities import power_on_time_s, rate_about, slope_squared, warming_c
 from gyrocal.recording.session import Array, Run
 
@@ -76,6 +76,27 @@ def settling_scale() -> Effect:
         return (rate_about(run, axis) * (0.0 if p_s is None else np.exp(-p_s / values["tau_s"])))[:, None]
 
     return _Mistaken(decay, 1, [SETTLING], [{"tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 320.0, 7)])
+
+
+COSINES = 12
+"""Cosines of a course that is the same in each run: up to six waves in the longest run."""
+UNIT_DPS = 0.01
+"""Size of one of them. The restricted likelihood takes coefficients of about one for usual ones."""
+
+
+def same_in_each_run(runs: Sequence[Run]) -> list[Effect]:
+    """Courses over the time in the run that are the same in all runs: alone, times the rate, and times its size."""
+    longest_s = max(run.duration_s for run in runs)
+    fastest_dps = max(float(np.abs(run.rate_dps).max()) for run in runs) or 1.0
+
+    def times(factor: Callable[[Array], Array]) -> Effect:
+        def waves(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+            cosines = np.cos(np.pi * np.arange(1, COSINES + 1) * (elapsed_s(run) / longest_s)[:, None])
+            return np.asarray(UNIT_DPS * cosines * factor(rate_about(run, axis) / fastest_dps)[:, None])
+
+        return _Mistaken(waves, COSINES)
+
+    return [times(np.ones_like), times(np.asarray), times(np.abs)]
 
 
 def by_temperature() -> Effect:

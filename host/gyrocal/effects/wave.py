@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Array, OfEachRun, Run, Values, stack, table_angle_rad
+from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Values, stack, table_angle_rad
+from gyrocal.effects.mistaken import same_in_each_run
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
 from gyrocal.policy import POLICY
 
@@ -106,6 +107,10 @@ class Tone(Wave):
         return np.asarray(-1j * np.exp(2j * np.pi * self.periods(run, values)))
 
 
+LEAST_RUNS = 4
+"""Runs whose phases agree by chance in less than one of a hundred sessions."""
+
+
 class TableWave(Wave):
     """A wave in the angle of the table. Its phase is known if the session has ``table_angle_deg``.
 
@@ -128,6 +133,11 @@ class TableWave(Wave):
     def scope_in(self, runs: Sequence[Run]) -> str:
         known = all(r.column("table_angle_deg") is not None for r in runs)
         return "session" if known and runs else "run"
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """What is the same in each run: a phase that is free in each of them follows any course of a turn or two."""
+        free = [run for run in runs if not run.rate_is_mean and np.any(self.size(run, axis))]
+        return same_in_each_run(free) if self.scope_in(runs) == "run" and len(free) >= LEAST_RUNS else []
 
     def shape(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
         return (float(self._order(name)),)
