@@ -86,9 +86,8 @@ def _turning_points_c(run: Run) -> Array:
     """The first and last temperature of a run, and those at which it turns, [k], degC: all that a play operator remembers."""
     temp_c = temperature_by_second(run)[1]
     turns = np.diff(np.sign(np.diff(temp_c)), prepend=1.0, append=1.0) != 0
-    kept = np.ones(temp_c.size, dtype=bool)
-    kept[1:-1] = turns[1:-1] if temp_c.size > 2 else kept[1:-1]
-    return temp_c[kept]
+    turns[[0, -1]] = True
+    return temp_c[turns]
 
 
 def play_c(temp_c: Array, half_c: float) -> Array:

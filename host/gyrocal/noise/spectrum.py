@@ -139,30 +139,34 @@ def evenly_spaced(residuals: Sequence[Array], times_s: Sequence[Array], rate_hz:
     A line of readings without their gaps has a higher frequency. The sampling rate is the given one, the nominal, where nothing
     is missing. Runs stay as they are of which more than ``MOST_MISSING`` is missing, or whose times jitter.
     """
-    places = [_places(t_s) for t_s in times_s]
-    gaps = [place is not None and place[0][-1] >= place[0].size for place in places]
-    if not any(gaps):
+    found = [_places(t_s) for t_s in times_s]
+    steps_s = [step_s for _, step_s in filter(None, found)]
+    if not steps_s:
         return list(residuals), rate_hz
     out = []
-    for values, place, gap in zip(residuals, places, gaps, strict=True):
-        if gap and place is not None:
-            whole = np.full(place[0][-1] + 1, float(values.mean()))
-            whole[place[0]] += (values - values.mean()) * np.sqrt(whole.size / values.size)
+    for values, places in zip(residuals, found, strict=True):
+        if places is not None:
+            place = places[0]
+            whole = np.full(place[-1] + 1, float(values.mean()))
+            whole[place] += (values - values.mean()) * np.sqrt(whole.size / values.size)
             values = whole
         out.append(values)
-    return out, 1 / float(np.mean([place[1] for place, gap in zip(places, gaps, strict=True) if gap and place is not None]))
+    return out, 1 / float(np.mean(steps_s))
 
 
 def _places(t_s: Array) -> tuple[Index, float] | None:
-    """The places [n] of samples at times [n], s, among evenly spaced ones, and their interval, s; None if there are none."""
+    """The places [n] of samples at times [n], s, among evenly spaced ones of which some are missing, and their interval, s.
+
+    None if none is missing, or too many, or if the samples are not evenly spaced.
+    """
     steps = np.diff(t_s)
     if steps.size < 2 or steps.min() <= 0:
         return None
     total = float(np.rint(steps / np.median(steps)).sum())
     step_s = float(t_s[-1] - t_s[0]) / max(total, 1.0)
     place = np.rint((t_s - t_s[0]) / step_s).astype(np.intp)
-    even = np.diff(place).min() > 0 and place[-1] + 1 <= t_s.size / (1 - MOST_MISSING)
-    return (place, step_s) if even else None
+    some = t_s.size < place[-1] + 1 <= t_s.size / (1 - MOST_MISSING)
+    return (place, step_s) if some and np.diff(place).min() > 0 else None
 
 
 def spectrum(

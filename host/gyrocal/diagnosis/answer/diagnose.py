@@ -22,7 +22,6 @@ from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
-from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.recording.session import Session
 from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
@@ -85,8 +84,7 @@ def diagnose(
 
 def _failing(comparison: Comparison) -> set[str]:
     """The axes on which something fails that a slow effect may explain: no fault of the reading, no line or band above it."""
-    slow = [f for f in comparison.where if f.band_hz is None or f.band_hz[0] <= 0.5 / BLOCK_S]
-    return {f.axis for f in slow if f.against != Reading.name}
+    return {f.axis for f in comparison.where if not f.above_blocks and f.against != Reading.name}
 
 
 class Compared(Protocol):

@@ -9,7 +9,6 @@ from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.wave import Tone
-from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
 from gyrocal.variables.reading import Reading
@@ -80,7 +79,7 @@ def _too_fast(c: Candidate, finding: Finding, runs: Sequence[Run]) -> bool:
         return False
     if isinstance(c.effect, Tone) and finding.band_hz[0] == finding.band_hz[1] and c.values:
         return finding.band_hz[0] > POLICY.another_line * c.effect.highest_hz(runs, c.values)
-    return not c.effect.fast and finding.band_hz[0] > 0.5 / BLOCK_S
+    return not c.effect.fast and finding.above_blocks
 
 
 def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:

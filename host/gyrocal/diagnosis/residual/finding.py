@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.variables.shapes import Shape
 
 
@@ -26,3 +27,8 @@ class Finding:
     """Signal-to-noise ratio in standard deviations, if ``strength`` is limited by the reference of the test."""
     band_hz: tuple[float, float] | None = field(default=None, repr=False, compare=False)
     """The lowest and the highest frequency of a finding against the frequency, Hz."""
+
+    @property
+    def above_blocks(self) -> bool:
+        """True for a line or a band of frequencies that block means do not show."""
+        return self.band_hz is not None and self.band_hz[0] > 0.5 / BLOCK_S
