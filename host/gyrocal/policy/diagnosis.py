@@ -97,6 +97,11 @@ class Diagnosis:
         larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
         chosen_by="docs/details/decisions.md, rms, floor and excess",
     )  # fmt: skip
+    adequate_errors: float = threshold(
+        3.0, "standard errors up to which the excess of an adequate model is noise",
+        larger="a model is adequate beside an excess that is told with a small error", smaller="noise alone is a misfit",
+        chosen_by="the meaning of adequate",
+    )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",
