@@ -29,6 +29,7 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
+from gyrocal.inference.turns import reweighed
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.shapes import Columns
@@ -79,7 +80,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
         return Candidate(effect, current.axis, "not_measurable", next_measurement=next_one)
-    fitted = finish(refine(tried))
+    fitted = finish(reweighed(refine(tried)))
     term = fitted.terms[-1]
     parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
