@@ -100,10 +100,10 @@ def test_the_summary_in_python_gives_the_angles_too() -> None:
     assert f"rms {found.to_json()['rms_deg']:.4f} deg" in found.summary()
 
 
-def by_hand(seed: int, *, error_deg: float = 0.3, per_c: float = 0.0, step_dps: float = 0.0) -> Session:
+def by_hand(seed: int, *, error_deg: float = 0.3, per_c: float = 0.0, last_dps: float = 0.0) -> Session:
     """Fifteen turns in three power cycles, whose stated angles are ``error_deg`` off; the bias of y follows the temperature.
 
-    ``step_dps`` is a step of that bias in the middle of the temperature's range, which no effect describes.
+    ``last_dps`` is an offset of y in the last turn alone, which no effect describes.
     """
     rng = np.random.default_rng([7, seed])
     runs = []
@@ -117,7 +117,7 @@ def by_hand(seed: int, *, error_deg: float = 0.3, per_c: float = 0.0, step_dps: 
         gyro = rng.normal(np.array([1.0, -2.0, 0.5]), 0.05, (t_s.size, 3))
         gyro[:, AXES.index(axis)] += 1.01 * rate
         temp_c = 22.0 + 0.7 * ((7 * k) % 15)
-        gyro[:, 1] += per_c * (temp_c - 25) + step_dps * (temp_c > 26.5)
+        gyro[:, 1] += per_c * (temp_c - 25) + last_dps * (k == 14)
         seen_c = temp_c + rng.normal(0, 0.01, t_s.size)
         run = make_run(t_s, gyro, axis=axis, scenario=f"s{k // 5}", turn_deg=turn_deg, temp_c=seen_c)
         runs.append(replace(run, turn_se_deg=error_deg))
@@ -136,7 +136,7 @@ def test_the_stated_error_of_turns_is_in_the_floor_of_their_angles() -> None:
 
 def test_an_excess_of_the_angles_beyond_its_errors_is_a_misfit() -> None:
     """The model was adequate beside an excess of 130 errors, because no test of rates sees net angles."""
-    found = measure(by_hand(1, step_dps=0.1))
+    found = measure(by_hand(1, last_dps=0.3))
     assert found.verdict == "misfit"
     assert [f.axis for f in found.where] == ["y"]
     assert "than noise leaves" in found.where[0].note
