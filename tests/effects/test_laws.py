@@ -209,7 +209,9 @@ def test_earth_rate() -> None:
 
 
 @pytest.mark.parametrize("face", ["up", "down"])
-@pytest.mark.parametrize("known", [{"table_rate_dps": 0.0}, {"table_rate_dps": -78.0}, {"table_rate_dps": None, "turn_deg": 90.0}])
+@pytest.mark.parametrize(
+    "known", [{"table_rate_dps": 0.0}, {"table_rate_dps": -78.0}, {"table_rate_dps": None, "turn_deg": 90.0}]
+)
 def test_a_known_motion_gains_what_the_sensor_reads_of_the_earth(face: str, known: dict[str, float | None]) -> None:
     from .conftest import make
 
