@@ -62,7 +62,7 @@ def test_a_line_that_noise_does_not_make_is_still_seen() -> None:
 
 @pytest.mark.parametrize("cycles", [5, 8])
 def test_between_few_power_cycles_the_chance_is_that_of_a_line_through_their_means(cycles: int) -> None:
-    """One temperature and one offset in each cycle: least squares knows the chance; the better of two tests costs twice that."""
+    """One temperature and one offset in each cycle: least squares knows the chance; the better of two tests costs twice it."""
     t_s, temp_c, compared = np.arange(400) / 20.0, np.linspace(15, 35, cycles), 0
     for seed in range(6):
         rng = np.random.default_rng(seed)
