@@ -14,7 +14,7 @@ static uint64_t now_us(const gc_device_t *d) {
     return d->config.port->now_us(d->config.port->context);
 }
 
-static bool is_recording(const gc_device_t *d) {
+bool gc_device_is_recording(const gc_device_t *d) {
     return d->recorder.state == GC_STATE_RECORDING;
 }
 
@@ -47,7 +47,7 @@ static const char *waits_for(const gc_device_t *d) {
     if (!d->sampler.ready) {
         return "sensor";
     }
-    if (is_recording(d)) {
+    if (gc_device_is_recording(d)) {
         return d->recorder.run->automatic ? "unsteady" : "stop";
     }
     if (!d->settings.now.automatic) {
@@ -73,8 +73,8 @@ static void tell_load(const gc_device_t *d, gc_sentence_t *s) {
 static void begin_status(gc_device_t *d) {
     gc_sentence_t *s = gc_tell_begin(&d->teller, "STA");
     gc_sentence_text(s, "state", gc_state_name(d->recorder.state));
-    gc_sentence_text(s, "face", is_recording(d) ? gc_face_name(d->recorder.run->face) : NULL);
-    gc_sentence_uint(s, "n", is_recording(d) ? d->recorder.run->n : 0u);
+    gc_sentence_text(s, "face", gc_device_is_recording(d) ? gc_face_name(d->recorder.run->face) : NULL);
+    gc_sentence_uint(s, "n", gc_device_is_recording(d) ? d->recorder.run->n : 0u);
     gc_sentence_uint(s, "lost", d->teller.lost);
     gc_sentence_uint(s, "stale", d->sampler.stale);
     gc_sentence_uint(s, "resets", d->sampler.resets);
@@ -99,7 +99,7 @@ static void tell_status(gc_device_t *d) {
 /* A reader who missed the end of a run learns from these how many samples it had. */
 static void remind(gc_device_t *d) {
     const uint64_t now = now_us(d);
-    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || is_recording(d) || now < d->reminder_us) {
+    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || gc_device_is_recording(d) || now < d->reminder_us) {
         return;
     }
     begin_status(d);
@@ -126,7 +126,7 @@ static void show(gc_device_t *d) {
 
 static bool may_store(const gc_device_t *d) {
     const gc_port_t *port = d->config.port;
-    return !is_recording(d) &&
+    return !gc_device_is_recording(d) &&
            (port->may_store == NULL || now_us(d) >= d->store_by_us || port->may_store(port->context));
 }
 
@@ -178,10 +178,10 @@ static void forget_runs(gc_device_t *d) {
 
 static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const gc_watch_action_t action = gc_watch_look(&d->watch, &d->settings.now, &d->sampler.sensor, sample->t_us, &sample->raw);
-    if (action == GC_WATCH_STOP && is_recording(d) && d->recorder.run->automatic) {
+    if (action == GC_WATCH_STOP && gc_device_is_recording(d) && d->recorder.run->automatic) {
         stop(d);
     }
-    if (action == GC_WATCH_NOTHING || action == GC_WATCH_STOP || is_recording(d)) {
+    if (action == GC_WATCH_NOTHING || action == GC_WATCH_STOP || gc_device_is_recording(d)) {
         return;
     }
     if (action == GC_WATCH_OPPOSED) {
@@ -204,9 +204,9 @@ static void take_samples(gc_device_t *d) {
         for (unsigned i = 0; i < n; i++) {
             gc_taken_t sample;
             gc_sampler_take(&d->sampler, i, &sample);
-            const int64_t number = is_recording(d) ? (int64_t)d->recorder.run->n : -1;
+            const int64_t number = gc_device_is_recording(d) ? (int64_t)d->recorder.run->n : -1;
             gc_stream_tell(d->stream, &d->teller, &d->sampler.sensor, &d->kept, number, &sample);
-            if (is_recording(d)) {
+            if (gc_device_is_recording(d)) {
                 gc_recorder_add(&d->recorder, &sample);
             }
             watch_table(d, &sample);
@@ -249,7 +249,7 @@ static void fit_settings(gc_device_t *d) {
 
 /* Readings of two parts go neither into one run nor into one pair. */
 static void take_other_part(gc_device_t *d) {
-    if (is_recording(d)) {
+    if (gc_device_is_recording(d)) {
         stop(d);
     }
     forget_runs(d);
@@ -435,7 +435,7 @@ static int do_reboot(gc_device_t *d, const gc_command_t *command) {
     if (d->config.port->restart == NULL) {
         return GC_E_COMMAND;
     }
-    if (is_recording(d)) {
+    if (gc_device_is_recording(d)) {
         return GC_E_RECORDING;
     }
     acknowledge(d, command, NULL, NULL);
@@ -463,7 +463,7 @@ static const struct {
 };
 
 static int obey(gc_device_t *d, const gc_command_t *command) {
-    if (commands[command->kind].between_runs && is_recording(d)) {
+    if (commands[command->kind].between_runs && gc_device_is_recording(d)) {
         return GC_E_RECORDING;
     }
     if (command->error != GC_OK || command->kind == GC_COMMAND_NONE) {

@@ -72,6 +72,8 @@ typedef struct {
 void gc_device_init(gc_device_t *device, const gc_device_config_t *config);
 void gc_device_receive(gc_device_t *device, const char *data, size_t n);
 void gc_device_step(gc_device_t *device);
+/* Returns whether a run goes on, so that a board with several devices knows when it may write its flash. */
+bool gc_device_is_recording(const gc_device_t *device);
 
 #ifdef __cplusplus
 }
