@@ -103,7 +103,7 @@ def test_a_tone_that_sweeps_slowly_is_a_bump_and_noise_has_the_chance_that_is_to
 @pytest.mark.parametrize(("low_hz", "high_hz"), [(10.0, 14.0), (20.0, 28.0)])
 @pytest.mark.parametrize("segments", [1, 10])
 def test_a_band_of_noise_is_told_by_its_edges_and_its_amplitude(low_hz: float, high_hz: float, segments: int) -> None:
-    """As large as a wave of the same mean square: the square root of two of the band's rms. A median tells a few percent less."""
+    """As large as a wave of the same mean square: the square root of two times the rms. A median tells a few percent less."""
     rng, n, rms_dps = np.random.default_rng(4), 60_000, 0.1
     lines, frequency_hz = np.fft.rfft(rng.standard_normal(n)), np.fft.rfftfreq(n, 0.01)
     band = np.fft.irfft(np.where((frequency_hz >= low_hz) & (frequency_hz <= high_hz), lines, 0), n)
