@@ -66,7 +66,9 @@ def _changed(node: ast.expr) -> Iterator[tuple[str, str]]:
     elif isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value != 0:
         yield "constant scaled", repr(SCALED_BY * node.value)
     elif isinstance(node, ast.Compare):
-        for other in COMPARISONS.get(type(node.ops[0]), ()):
+        others = COMPARISONS.get(type(node.ops[0]), ())
+        # the border itself counts for whole numbers alone: no measured number lies on it
+        for other in others if len(others) < 2 or _is_whole(node.left) or _is_whole(node.comparators[0]) else others[1:]:
             yield "comparison", ast.unparse(ast.Compare(node.left, [other(), *node.ops[1:]], node.comparators))
     elif isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC and not isinstance(node.left, ast.JoinedStr):
         yield "arithmetic", _as_it_stands(ast.BinOp(node.left, ARITHMETIC[type(node.op)](), node.right))
@@ -77,6 +79,15 @@ def _changed(node: ast.expr) -> Iterator[tuple[str, str]]:
         yield "and, or", _as_it_stands(ast.BoolOp(other, node.values))
     elif isinstance(node, ast.Call):
         yield from _changed_call(node)
+
+
+def _is_whole(node: ast.expr) -> bool:
+    """True for what is a whole number by its looks: a constant, a length, a size."""
+    if isinstance(node, ast.Call):
+        return isinstance(node.func, ast.Name) and node.func.id == "len"
+    if isinstance(node, ast.Attribute):
+        return node.attr == "size"
+    return isinstance(node, ast.Constant) and type(node.value) is int
 
 
 def _as_it_stands(node: ast.expr) -> str:

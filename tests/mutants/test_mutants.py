@@ -43,6 +43,11 @@ def test_python_edits() -> None:
     }  # fmt: skip
 
 
+def test_the_border_of_a_comparison_counts_for_whole_numbers_alone() -> None:
+    made = {edit.new for edit in python_edits("a < b, len(a) > b, a <= b.size, a >= 1.5")}
+    assert made == {"a >= b", "len(a) >= b", "len(a) <= b", "a < b.size", "a > b.size", "a < 1.5", "3.0"}
+
+
 def test_c_edits() -> None:
     assert replaced(C, c_edits(C)) == {
         ("operator", "<", "<="), ("operator", "<", ">="), ("operator", "&&", "||"), ("not", "!", ""), ("off by one", "2", "3"),
