@@ -257,3 +257,18 @@ def test_a_vibration_between_the_orders_is_named_beside_a_ripple() -> None:
     """Its frequency is no whole number per turn, also where the table turns at one rate only."""
     found = diagnose(turned(harmonics({1: 0.03, 7.4: 0.03})))
     assert {c.effect.id for c in found.candidates if c.decision == "add"} >= {"table_ripple", "vibration_tone"}
+
+
+def test_a_course_that_repeats_in_each_run_is_not_taken_for_a_drift() -> None:
+    """A drift of four seconds was fitted to a sawtooth of ten periods a run, and the model was adequate beside it."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(round(83 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for k in range(5):
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.045, (t_s.size, 3))
+        gyro[:, 2] += 0.087 * (np.mod(t_s / 8.45, 1.0) - 0.5)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=RATE_HZ))
+    found = measure(make_session(*runs))
+    assert (found.where[0].axis, found.where[0].against) == ("z", "time")
+    assert "in the same course in each run" in found.where[0].note
+    assert found.where[0].amplitude_dps / np.sqrt(2) == pytest.approx(0.087 / np.sqrt(12), rel=0.1)

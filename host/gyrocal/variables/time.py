@@ -10,7 +10,7 @@ from gyrocal.effects.base import elapsed_s
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.base import Symbol, Variable
-from gyrocal.variables.shapes import Columns, Shape, Transient
+from gyrocal.variables.shapes import Course, Shape, Transient
 
 FINE_S = (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15)
 """Edges of the first steps, which show start-up transients, s."""
@@ -36,21 +36,9 @@ class Time(Variable):
 
     def shapes(self, axis: int) -> list[Shape]:
         longest_s = max(r.duration_s for r in self.runs)
-        repeated = [self._course(longest_s)] if len(self.runs) >= LEAST_RUNS else []
-        return [*self.steps(axis, edges_s(longest_s)), *repeated, *(Transient(tau_s) for tau_s in TRANSIENTS_S)]
-
-    @staticmethod
-    def _course(longest_s: float) -> Columns:
-        """Cosines of the time that are the same in all runs. A drift, which may be as large, is another one in each run."""
         count = int(np.clip(round(longest_s / FINEST_S), LEAST_COSINES, MOST_COSINES))
-        half_turns = np.pi * np.arange(1, count + 1) / longest_s
-
-        def cosines(run: Run) -> Array:
-            if run.rate_is_mean:
-                return np.zeros((len(run), count))
-            return np.asarray(np.cos(elapsed_s(run)[:, None] * half_turns))
-
-        return Columns(cosines, count, "in the same course in each run")
+        repeated = [Course(count, longest_s)] if len(self.runs) >= LEAST_RUNS else []
+        return [*self.steps(axis, edges_s(longest_s)), *repeated, *(Transient(tau_s) for tau_s in TRANSIENTS_S)]
 
     def terms(self, symbol: str, values: Array) -> list[str]:
         return terms.of_time(symbol, values)
