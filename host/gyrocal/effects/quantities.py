@@ -6,6 +6,7 @@ This file defines no effect. A quantity that a run does not have is None. Missin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -282,3 +283,21 @@ def grid_dps(readings: Sequence[Array]) -> float:
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-6]
     return float(gaps.min()) if gaps.size else np.inf
+
+
+def cosines(part: Array, count: int) -> Array:
+    """``cos(pi·k·part)`` for k = 1 to ``count`` at the parts [n] of a range, shape [count, n], by Chebyshev's recurrence."""
+    waves = np.empty((count, part.size))
+    first = np.cos(np.pi * part, out=waves[0])
+    twice = 2 * first
+    for k in range(1, count):
+        np.multiply(twice, waves[k - 1], out=waves[k])
+        waves[k] -= waves[k - 2] if k > 1 else 1.0
+    return waves
+
+
+def unit_wave(angle_rad: Array) -> np.ndarray[Any, np.dtype[np.complex128]]:
+    """``exp(i·angle)``, shape [n]; a real cosine and sine are faster than a complex exponential."""
+    out = np.empty(angle_rad.shape, dtype=np.complex128)
+    out.real, out.imag = np.cos(angle_rad), np.sin(angle_rad)
+    return out
