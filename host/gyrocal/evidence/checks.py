@@ -17,7 +17,7 @@ from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.effects.quantities import cycle_time_s, temperature_c, true_rate_dps
 from gyrocal.evidence.checked import LEAST_SAME, Checks
-from gyrocal.evidence.hypotheses import Option
+from gyrocal.evidence.hypotheses import Free, Option
 from gyrocal.evidence.matrix import Index, Matrix, runs_of
 from gyrocal.evidence.states import beside_model, integrated
 from gyrocal.evidence.weights import Scales, Weighed
@@ -30,7 +30,7 @@ LEAST_SHOWN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _Part(Free):
     """A fitted term in one half of the data, less its mean in both."""
 
     option: Option
@@ -42,22 +42,11 @@ class _Part:
     def effect(self) -> Effect:
         return self.option.effect
 
-    @property
-    def sizes(self) -> Array:
-        return np.ones((1, 2))
-
-    @property
-    def unit(self) -> Array:
-        return np.ones(1)
-
     def columns(self, run: Run, axis: int) -> Array:
         half = self.half(run)
         if half is None:
             return np.zeros((len(run), 1))
         return np.asarray((self.option.columns(run, axis) @ self.coefficients * (half - self.share))[:, None])
-
-    def noise(self, run: Run, axis: int, samples: float) -> None:
-        """The noise of measured columns is neglected."""
 
 
 def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str, Checks]:
