@@ -100,7 +100,7 @@ class Diagnosis:
     adequate_errors: float = threshold(
         3.0, "standard errors up to which the excess of an adequate model is noise",
         larger="a model is adequate beside an excess that is told with a small error", smaller="noise alone is a misfit",
-        chosen_by="the meaning of adequate",
+        chosen_by="chosen by judgement; pytest tests/diagnosis/test_angles.py: twelve sessions of turns and noise are adequate",
     )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
