@@ -8,11 +8,11 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
-from gyrocal.effects.byte_fault import count_dps_of
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.single_bits import count_dps_of
 from gyrocal.recording.session import Array, Run
 
 
