@@ -185,10 +185,12 @@ def _all_in_half(inside: int, number: int) -> float:
 
 
 def apart_of(run: Run, axis: int) -> tuple[Index, Array]:
+    """Rows [k] of a run's outliers and their deviations [k] from their neighbours, deg/s; none where only a mean is known."""
     if run.rate_is_mean:
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     return outliers_of(run, axis, run.gyro_dps[:, axis] - rate_about(run, axis))
 
 
 def codes_of(run: Run, axis: int, count_dps: float) -> Codes:
+    """The codes [n] of a run's readings, in counts of ``count_dps``."""
     return np.rint(run.gyro_dps[:, axis] / count_dps).astype(np.int64)
