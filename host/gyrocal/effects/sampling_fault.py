@@ -111,6 +111,11 @@ class SamplingFault(ReadingFault):
         out[old + 1] = run.gyro_dps[old, axis]
         return out
 
+    @staticmethod
+    def late_samples(values: Mapping[str, float]) -> float:
+        """The mean age of a reading in samples: after a repeated one, the next is repeated with the same probability."""
+        return values["fraction"] / (1 - values["fraction"])
+
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """Readings [n, 3] with this fault, deg/s. A stale sample repeats the last fresh one on all axes."""
         stale = rng.random(len(run)) < values["fraction"]
