@@ -14,7 +14,7 @@ from gyrocal.recording.session import Array, Run
 
 LEAST_C = 1.0
 """Least rise and fall of the temperature within power cycles that can show a loop, degC."""
-WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+WIDTHS_C = tuple(0.5 * 2 ** (k / 2) for k in range(13))
 STARTS = (0.0, -1.0, -0.5, 0.5, 1.0)
 """Where the part may begin between the branches. Its temperature before the power cycle decides on it, and is not known."""
 
