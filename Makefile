@@ -8,7 +8,7 @@ PIP := $(BIN)/pip --disable-pip-version-check
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
-.PHONY: demo test quick docs parts coverage fuzz lowest wheel release clean
+.PHONY: demo test quick docs parts coverage fuzz mutants lowest wheel release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -36,6 +36,10 @@ coverage: $(VENV)/.installed-dev
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python tests/fuzz/fuzzing.py --seconds $(FUZZ_SECONDS)
 	$(BIN)/python tests/fuzz/readers.py --seconds $(FUZZ_SECONDS)
+
+# careless edits of the code, drawn by chance, and whether the tests catch them: make mutants MUTANTS="--folders noise -n 30 --seed 2"
+mutants: $(VENV)/.installed-dev
+	nice -n 15 $(BIN)/python tests/mutants/mutants.py $(MUTANTS)
 
 # the tests that need no network and no browser, on the lowest versions that pyproject.toml allows
 lowest: VENV := .venv-lowest

@@ -41,3 +41,19 @@ def test_a_blas_that_is_loaded_on_the_way_has_one_thread_too() -> None:
     environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
     said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
     assert said == "[1]\n"
+
+
+def test_the_command_line_loads_linear_algebra_with_one_thread() -> None:
+    """Files are read and references smoothed before a fit limits its threads."""
+    code = (
+        "import sys\n"
+        "from gyrocal.__main__ import main\n"
+        "sys.argv = ['gyrocal', 'version']\n"
+        "main()\n"
+        "import numpy\n"
+        "from threadpoolctl import threadpool_info\n"
+        "print(*(p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas'))\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
+    assert said.splitlines()[-1] == "1"

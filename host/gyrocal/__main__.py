@@ -16,8 +16,12 @@ def _stop(*_: Any) -> None:
 
 
 def main() -> int:
-    """Run the command line of this process and return its exit code."""
+    """Run the command line of this process and return its exit code.
+
+    Linear algebra has one thread (:mod:`gyrocal.threads`), unless the user says otherwise. It is told as it is loaded.
+    """
     signal.signal(signal.SIGINT, _stop)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from gyrocal.cli import main as run
 
     return run(started=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))

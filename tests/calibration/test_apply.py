@@ -73,6 +73,23 @@ def test_the_bias_of_a_calibration_file_is_used(days: tuple[Model, Path], tmp_pa
         apply(table, model, tmp_path / "c.csv", str(file))
 
 
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]])
+def test_of_several_biases_the_surest_that_is_trusted_is_taken(
+    days: tuple[Model, Path], tmp_path: Path, order: list[int]
+) -> None:
+    """In whatever order they stand: the surest is without trust, one lacks its error, and of the others one has the smaller."""
+    model, day = days
+    each = [(9.0, 0.001, False), (1.5, 0.01, True), (3.0, 0.05, True), (5.0, None, True)]
+    estimates = [
+        {"scenario": "all", "axis": "z", "bias_dps": bias_dps, "bias_se_dps": se_dps, "trusted": trusted}
+        for bias_dps, se_dps, trusted in (each[i] for i in order)
+    ]
+    for name, chosen in (("all", estimates), ("one", [e for e in estimates if e["bias_dps"] == 1.5])):
+        (tmp_path / f"{name}.json").write_text(json.dumps({"estimates": chosen}))
+        apply(day / Session.open(day).runs[0].file, model, tmp_path / f"{name}.csv", str(tmp_path / f"{name}.json"))
+    assert (tmp_path / "all.csv").read_bytes() == (tmp_path / "one.csv").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("bias", "reason"), [("rest:", "seconds after rest"), ("rest:-1", "more than 0"), ("nothing.json", "No such file")]
 )

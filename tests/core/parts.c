@@ -309,7 +309,7 @@ static void check_exchanged(const gc_part_t *part, const emul_kind_t *kind) {
         }
         snprintf(line, sizeof line, "sensor=%s,", device.sampler.part->name);
         CHECK(device.sampler.ready && device.sampler.part->id == part->id && heard(line) && heard("state=end"));
-        CHECK(device.state == GC_STATE_IDLE);
+        CHECK(device.recorder.state == GC_STATE_IDLE);
     }
     emul.kind = kind;
 }

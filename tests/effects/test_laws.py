@@ -1,6 +1,7 @@
 """Each effect against its physics: closed forms, symmetries, limits, units."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy import signal
 
 from gyrocal.effects.base import Effect, effect, effects, table_angle_rad
 from gyrocal.effects.bias_jumps import jumps
-from gyrocal.effects.earth_rate import known_dps
+from gyrocal.effects.earth_rate import in_known_rate, known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
 from gyrocal.recording.session import Run
 from gyrocal.recording.timing import Timing
@@ -205,6 +206,17 @@ def test_earth_rate() -> None:
     assert not np.any(known_dps(up, 0, 45.0))
     assert effect("earth_rate").columns(up, 2, {}).shape == (10, 0)
     np.testing.assert_allclose(effect("earth_rate").term(up, 2, {"latitude_deg": 45.0}), known_dps(up, 2, 45.0))
+
+
+@pytest.mark.parametrize("face", ["up", "down"])
+@pytest.mark.parametrize(
+    "known", [{"table_rate_dps": 0.0}, {"table_rate_dps": -78.0}, {"table_rate_dps": None, "turn_deg": 90.0}]
+)
+def test_a_known_motion_gains_what_the_sensor_reads_of_the_earth(face: str, known: dict[str, float | None]) -> None:
+    from .conftest import make
+
+    run = replace(make(np.arange(101) / 10, face=face, **known), latitude_deg=-30.0)
+    np.testing.assert_allclose(in_known_rate(run).rate_dps - run.rate_dps, known_dps(run, 2, -30.0), atol=1e-12)
 
 
 def test_centripetal_size_from_lever_arm_and_g_sensitivity() -> None:

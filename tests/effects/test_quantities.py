@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.effects.quantities import means_of_tenths
+from gyrocal.effects.quantities import cosines, means_of_tenths, unit_wave
 
 
 @pytest.mark.parametrize("n", [1, 7, 10, 11, 99, 870])
@@ -15,3 +15,14 @@ def test_the_tenths_of_a_run_are_even_and_hold_each_sample_once(n: int) -> None:
     assert edges[-1] == n
     assert sizes.size == min(n, 10)
     assert np.ptp(sizes) <= 1
+
+
+def test_cosines_by_recurrence_are_those_of_the_angle() -> None:
+    part = np.linspace(0, 1, 1001)
+    exact = np.cos(np.pi * np.arange(1, 13)[:, None] * part)
+    assert np.abs(cosines(part, 12) - exact).max() < 1e-12
+
+
+def test_a_unit_wave_is_the_complex_exponential() -> None:
+    angle = np.linspace(-300, 300, 1001)
+    assert np.abs(unit_wave(angle) - np.exp(1j * angle)).max() < 1e-12

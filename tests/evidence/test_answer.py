@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.evidence.answer import Evidence, weigh
+from gyrocal.evidence import weights
+from gyrocal.evidence.answer import Evidence, _Weighing, weigh
+from gyrocal.evidence.discrepancy import shapes
+from gyrocal.evidence.hypotheses import options
+from gyrocal.evidence.matrix import Matrix, runs_of
 from gyrocal.recording.session import following
 from make_runs import make_run
 
@@ -32,6 +36,19 @@ def test_noise_alone_names_nothing() -> None:
 def test_the_probabilities_of_sets_add_up_to_one_at_most() -> None:
     found = evidence(session(11, lambda t, c, w, k: 0.001 * (c - 25)))
     assert 0.9 < sum(a.probability for a in found.alternatives) <= 1 + 1e-9
+
+
+def test_what_is_left_over_by_nothing_changes_no_probability(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of no size, a rest against one variable and rests against all of them together explain what the effects alone do."""
+    monkeypatch.setattr(weights, "AMPLITUDES", (1e-9, 1e-9))
+    fit = fitted(session(2, lambda t, c, w, k: 4e-4 * abs(w)))
+    runs, axis = runs_of(fit), fit.design.axis
+    matrix = Matrix.of(fit, options(runs, axis, [t.effect_id for t in fit.terms]), shapes(runs, axis))
+    found = _Weighing.of(matrix)
+    assert found is not None
+    assert found.scales.rests
+    assert len(found.sets) > 5
+    np.testing.assert_allclose(found.forms[1], found.forms[0], atol=0.01)
 
 
 def test_an_effect_that_is_planted_is_certain_and_passes_both_checks() -> None:

@@ -87,7 +87,8 @@ static const char *const words[] = {
     "stream off", "reset", "set rate_hz 145", "set rate_hz 104", "set rate_hz 1e9", "set rate_hz", "set axis x",
     "set fifo 16", "set fifo 0", "set fifo 999",
     "set axis q", "set table_dps none", "set table_dps -78", "set table_dps 0", "set turn_deg 360", "set turn_deg 0",
-    "set full_scale_dps 2000", "set full_scale_dps 3", "get axis", "get table_dps", "get", "x x x x x x", "", "\xff", "\xff\xff",
+    "set full_scale_dps 2000", "set full_scale_dps 3", "get axis", "get table_dps", "get", "stream corrected", "dump", "undo",
+    "selftest", "reboot", "set sensor auto", "x x x x x x", "", "\xff", "\xff\xff",
 };
 
 int main(int argc, char **argv) {

@@ -39,3 +39,21 @@ def test_a_part_of_a_run_is_predicted_without_what_stands_beside_it() -> None:
         used_s = np.concatenate([b.t_s for b in step.trained.design.blocks])
         assert used_s.size > 100
         assert not np.any((used_s > start_s - 0.9) & (used_s < stop_s + 0.9))
+
+
+def test_a_part_of_the_blocks_has_the_equations_of_a_fit_to_it_alone() -> None:
+    """Its block means are taken from those of the whole; the second run has no temperature, and the third one is left out."""
+    rng, runs = np.random.default_rng(3), []
+    for i, sign in enumerate((1, -1, 1, -1)):
+        temp_c = np.nan if i == 1 else 25 + 0.2 * i + 0.1 * T_S
+        gyro = rng.normal([0, 0, sign * TABLE_DPS], WHITE_DPS, (T_S.size, 3))
+        runs.append(make_run(T_S, gyro, table_rate_dps=sign * TABLE_DPS, scenario="s0", temp_c=temp_c))
+    model = Model.builtin("default").add("bias_temperature", "z").add("table_ripple", "z")
+    axis = fit(make_session(*runs), model, axes=["z"]).axes["z"]
+    kept = [rng.random(b.t_s.size) < (0.0 if i == 2 else 0.6) for i, b in enumerate(axis.design.blocks)]
+    part = axis.design.selected(kept)
+    alone = axis.design.over([b.select(mask) for b, mask in zip(axis.design.blocks, kept, strict=True) if mask.any()])
+    assert part.layout == alone.layout
+    for one, other in zip(part.grams(axis.noise), alone.grams(axis.noise), strict=True):
+        assert one.shape[0] == 3
+        np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from gyrocal.benchmark import _module
 from gyrocal.diagnosis.naming.judge import judge
@@ -57,6 +58,28 @@ def test_a_line_that_noise_does_not_make_is_still_seen() -> None:
         poorer, richer = with_and_without_drift(seed, slope_dps_per_s=1e-4)
         assert poorer.design.extent_s[0] > LONG * richer.noise.ou_tau_s
         assert likelihood_ratio(poorer, richer, 1)[1] < 1e-6
+
+
+@pytest.mark.parametrize("cycles", [5, 8])
+def test_between_few_power_cycles_the_chance_is_that_of_a_line_through_their_means(cycles: int) -> None:
+    """One temperature and one offset in each cycle: least squares knows the chance; the better of two tests costs twice it."""
+    t_s, temp_c, compared = np.arange(400) / 20.0, np.linspace(15, 35, cycles), 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        offset_dps = rng.normal(0, 0.05, cycles) + 0.006 * (temp_c - 25)
+        runs = [
+            make_run(t_s, rng.normal(o, WHITE_DPS, (t_s.size, 3)), table_rate_dps=0.0, scenario=f"s{i}", temp_c=temp_c[i])
+            for i, o in enumerate(offset_dps)
+        ]
+        model = Model.builtin("default")
+        richer = model.with_term(Term("bias_temperature", "z", {"k1_dps_per_c": 0.0}))
+        poor, rich = (fit(make_session(*runs), m, axes="z").axes["z"] for m in (model, richer))
+        statistic, chance = likelihood_ratio(poor, rich, 1)
+        if stats.chi2.sf(statistic, 1) < 0.05:  # elsewhere there is no finding, and no F test
+            line = stats.linregress(temp_c, [run.gyro_dps[:, 2].mean() for run in runs])
+            assert 2 * line.pvalue < chance < 2.8 * line.pvalue
+            compared += 1
+    assert compared >= 2
 
 
 @pytest.mark.parametrize(("kind", "seed", "effect_id"), [("clock", 52000, "clock_error"), ("lag_filter", 52001, "lag")])

@@ -98,3 +98,17 @@ def test_a_tone_that_sweeps_slowly_is_a_bump_and_noise_has_the_chance_that_is_to
     seen = spectrum([np.random.default_rng(3).standard_normal(t_s.size) + sweep], 100.0).bump()
     assert seen is not None
     assert seen.chance < 1e-4
+
+
+@pytest.mark.parametrize(("low_hz", "high_hz"), [(10.0, 14.0), (20.0, 28.0)])
+@pytest.mark.parametrize("segments", [1, 10])
+def test_a_band_of_noise_is_told_by_its_edges_and_its_amplitude(low_hz: float, high_hz: float, segments: int) -> None:
+    """As large as a wave of the same mean square: the square root of two times the rms. A median tells a few percent less."""
+    rng, n, rms_dps = np.random.default_rng(4), 60_000, 0.1
+    lines, frequency_hz = np.fft.rfft(rng.standard_normal(n)), np.fft.rfftfreq(n, 0.01)
+    band = np.fft.irfft(np.where((frequency_hz >= low_hz) & (frequency_hz <= high_hz), lines, 0), n)
+    noise = rng.standard_normal(n) * 0.1 + band * rms_dps / band.std()
+    bump = spectrum(list(noise.reshape(segments, -1)), 100.0).bump()
+    assert bump is not None
+    assert (bump.low_hz, bump.high_hz) == pytest.approx((low_hz, high_hz), abs=0.3)
+    assert 0.9 * np.sqrt(2) * rms_dps < bump.amplitude_dps < 1.03 * np.sqrt(2) * rms_dps

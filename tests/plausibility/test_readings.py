@@ -64,6 +64,19 @@ def test_standing_while_the_rate_moves(rate_hz: float, standing: int) -> None:
     assert [(w.code, w.axis) for w in told if w.blocking] == [("constant_reading", "z")]
 
 
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [({"table_rate_dps": 0.0}, []), ({"table_rate_dps": 78.0}, ["z"]), ({"table_rate_dps": None, "turn_deg": 360.0}, ["z"])],
+)
+def test_an_axis_that_is_dead_on_a_moving_table_is_told_however_coarse_the_counts_are(
+    known: dict[str, float | None], expected: list[str]
+) -> None:
+    """Noise below half a count says nothing: only the known motion contradicts a constant reading."""
+    t_s = np.arange(1000) / 100
+    runs = [make_run(t_s, 0.0, face=face, rate_hz=100.0, **known) for face in ("up", "down")]
+    assert [w.axis for w in check(make_session(*runs, lsb_dps=1.0)) if w.code == "constant_reading"] == expected
+
+
 @pytest.mark.parametrize("noise_counts", [0.02, 0.1, 0.2, 0.3, 0.45])
 @pytest.mark.parametrize("count_dps", [0.07, 0.1])
 @pytest.mark.parametrize("rate_dps", [0.0, 45.0, 614.0])

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.residual.levels import Level
+from gyrocal.diagnosis.residual.levels import Floor, Level, MeanSquares
 from gyrocal.effects.base import effects
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.panels.compare import _counted
 from gyrocal.web.pictures.words import evidence, explains, symbols
 from gyrocal.web.state.traces import Traces
-from gyrocal.web.values.excess_by_step import Counted, Fall, fall
+from gyrocal.web.values.excess_by_step import Counted, Fall, Levels, fall, realised
 from gyrocal.web.values.models import BY_HAND, KEPT, Models, Recipe, read_models, write_models
 from gyrocal.web.values.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.worker.bench import Bench
@@ -46,6 +46,24 @@ def test_a_fall_by_nothing_is_told_as_nothing() -> None:
         None: "", -1e-6: "nothing of its square explained", 0.5: "50.0% of its square explained",
         -0.2: "its square grew by 20.0%",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("cycles", [1, 20])
+def test_what_a_step_removed_is_counted_over_one_floor(cycles: int) -> None:
+    """The poorer model took part of the error for noise: of squared excesses of 100 and 25 over the later floor, 75 % went."""
+    white = 4e-4
+    poorer, richer = (Floor(white + 64e-6 * taken, white + 64e-6 * taken, 1e-12, 1e-12, white) for taken in (1, 0))
+    before, after = (
+        Levels({"z": MeanSquares(white + excess, white + excess, 10_000)}, {"z": floor}, cycles, parameters)
+        for excess, floor, parameters in ((100e-6, poorer, 3), (25e-6, richer, 4))
+    )
+    assert realised(before, after, "z") == pytest.approx(0.75)
+    assert realised(before, after, "x") is None
+    assert realised(None, after, "z") is None
+    told = fall([("", before), ("a step", after)])
+    assert told is not None
+    assert [bar.after for bar in told.bars] == pytest.approx([10.0, 5.0])
+    assert told.part == pytest.approx(0.75)
 
 
 def test_a_picture_of_two_values_shows_each_recording() -> None:

@@ -19,7 +19,7 @@ public:
     uint8_t address() const { return address_; }
     /* What its task was about when it was last seen. */
     bool is_set_up() const { return device_.sampler.ready; }
-    bool is_recording() const { return device_.state == GC_STATE_RECORDING; }
+    bool is_recording() const { return gc_device_is_recording(&device_); }
     /* Whether samples are lost while the board writes its flash, because the part does not keep them. */
     bool is_disturbed_by_flash() const { return is_recording() && device_.settings.now.fifo == 0.0; }
     /* Accepts bytes of commands as they arrive. Bytes that do not fit into the buffer are lost. */

@@ -9,6 +9,7 @@ import numpy as np
 from gyrocal.effects.base import Case, Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.quantities import rate_about, white_sd_dps
 from gyrocal.parameter import POSITIVE
+from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index, outliers
 from gyrocal.recording.session import Array, Run
 
@@ -148,6 +149,7 @@ def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
     return rows[other], apart_dps[other]
 
 
+@once
 def _scores(runs: Sequence[Run], axis: int) -> Array:
     """The lost part of the rates below each width divided by its standard error, shape [widths]; 0 where no edge is seen.
 

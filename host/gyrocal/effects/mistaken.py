@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
-from gyrocal.effects.quantities import power_on_time_s, rate_about, slope_squared, warming_c
+from gyrocal.effects.quantities import cosines, power_on_time_s, rate_about, slope_squared, warming_c
 from gyrocal.recording.session import Array, Run
 
 Course = Callable[[Run, int, Mapping[str, float]], Array]
@@ -90,11 +90,12 @@ def same_in_each_run(runs: Sequence[Run]) -> list[Effect]:
     fastest_dps = max(float(np.abs(run.rate_dps).max()) for run in runs) or 1.0
 
     def times(factor: Callable[[Array], Array]) -> Effect:
-        def waves(run: Run, axis: int, values: Mapping[str, float]) -> Array:
-            cosines = np.cos(np.pi * np.arange(1, COSINES + 1) * (elapsed_s(run) / longest_s)[:, None])
-            return np.asarray(UNIT_DPS * cosines * factor(rate_about(run, axis) / fastest_dps)[:, None])
+        def columns(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+            waves = cosines(elapsed_s(run) / longest_s, COSINES)
+            waves *= UNIT_DPS * factor(rate_about(run, axis) / fastest_dps)
+            return waves.T
 
-        return _Mistaken(waves, COSINES)
+        return _Mistaken(columns, COSINES)
 
     return [times(np.ones_like), times(np.asarray), times(np.abs)]
 

@@ -6,6 +6,7 @@ This file defines no effect. A quantity that a run does not have is None. Missin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -190,21 +191,28 @@ def temperature_slope_c_s(run: Run) -> Array:
     exceed a tenth of the run's mean slope; the slope of a line over L points has the variance 12·sd^2/L^3. If a far shorter
     window would do, a cubic is fitted instead, which follows a temperature that turns within the window.
     """
+    known = _temperature_slope_by_second(run)
+    return np.zeros(len(run)) if known is None else np.interp(run.t_s, *known)
+
+
+@once_a_run
+def _temperature_slope_by_second(run: Run) -> tuple[Array, Array] | None:
+    """Mean time (s) of each second of a run and the rate of change of the temperature there, degC/s, shape [m] each."""
     if run.temp_c is None:
-        return np.zeros(len(run))
+        return None
     t_s, temp_c = _by_second(run, _filled(run.temp_c, run.t_s))
     if t_s.size < 5:
-        return np.zeros(len(run))
+        return None
     steps = np.abs(np.diff(run.temp_c))
     resolution_c = float(np.min(steps, where=steps > 0, initial=np.inf))
     if not np.isfinite(resolution_c):
-        return np.zeros(len(run))
+        return None
     variance = float(np.mean(np.diff(temp_c, 2) ** 2)) / 6 + resolution_c**2 / 12
     spacing_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     wanted = 0.1 * float(np.ptp(temp_c)) / t_s.size
     needed = (12 * variance / max(wanted, 1e-12) ** 2) ** (1 / 3)
     points = max(TEMPERATURE_WINDOW_S / spacing_s, needed)
-    return np.interp(run.t_s, t_s, slope(temp_c, t_s, points, order=3 if needed < CUBIC * points else 2))
+    return t_s, slope(temp_c, t_s, points, order=3 if needed < CUBIC * points else 2)
 
 
 def rate_slope_dps_s(run: Run, axis: int) -> Array:
@@ -275,3 +283,21 @@ def grid_dps(readings: Sequence[Array]) -> float:
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-6]
     return float(gaps.min()) if gaps.size else np.inf
+
+
+def cosines(part: Array, count: int) -> Array:
+    """``cos(pi·k·part)`` for k = 1 to ``count`` at the parts [n] of a range, shape [count, n], by Chebyshev's recurrence."""
+    waves = np.empty((count, part.size))
+    first = np.cos(np.pi * part, out=waves[0])
+    twice = 2 * first
+    for k in range(1, count):
+        np.multiply(twice, waves[k - 1], out=waves[k])
+        waves[k] -= waves[k - 2] if k > 1 else 1.0
+    return waves
+
+
+def unit_wave(angle_rad: Array) -> np.ndarray[Any, np.dtype[np.complex128]]:
+    """``exp(i·angle)``, shape [n]; a real cosine and sine are faster than a complex exponential."""
+    out = np.empty(angle_rad.shape, dtype=np.complex128)
+    out.real, out.imag = np.cos(angle_rad), np.sin(angle_rad)
+    return out

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Values, stack, table_angle_rad
 from gyrocal.effects.mistaken import same_in_each_run
-from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
+from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL, unit_wave
 from gyrocal.policy import POLICY
 
 ONE_RATE = 0.2
@@ -104,7 +104,7 @@ class Tone(Wave):
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """The wave, shape [n]. A sine is a cosine a quarter of a period earlier."""
-        return np.asarray(-1j * np.exp(2j * np.pi * self.periods(run, values)))
+        return np.asarray(-1j * unit_wave(2 * np.pi * self.periods(run, values)))
 
 
 LEAST_RUNS = 4
@@ -147,7 +147,7 @@ class TableWave(Wave):
         return (size_over_rate(runs, sizes) or np.inf) > POLICY.one_size
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
-        turned = np.exp(1j * table_angle_rad(run))
+        turned = unit_wave(table_angle_rad(run))
         wave = self.size(run, axis) * np.ones(len(run), dtype=complex)
         for _ in range(self._order(name)):
             wave = wave * turned

@@ -125,6 +125,14 @@ class Model(Shown):
         for term in self.terms[last + 1 :]:
             yield self._line(term)
 
+    def values_json(self) -> list[dict[str, Any]]:
+        """Each value of the lines with its standard error."""
+        return [
+            {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
+            for line in self.lines()
+            for name, value in line.values.items()
+        ]
+
     def _line(self, term: Term) -> Line:
         """The line of a term; that of the scale also gives its spread over power cycles."""
         spread = self.noise_on(term.axis).turn_on_scale

@@ -17,9 +17,9 @@ from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.effects.quantities import cycle_time_s, temperature_c, true_rate_dps
 from gyrocal.evidence.checked import LEAST_SAME, Checks
-from gyrocal.evidence.hypotheses import Option
+from gyrocal.evidence.hypotheses import Free, Option
 from gyrocal.evidence.matrix import Index, Matrix, runs_of
-from gyrocal.evidence.states import integrated, without
+from gyrocal.evidence.states import beside_model, integrated
 from gyrocal.evidence.weights import Scales, Weighed
 from gyrocal.recording.session import Array, Run
 
@@ -30,7 +30,7 @@ LEAST_SHOWN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _Part(Free):
     """A fitted term in one half of the data, less its mean in both."""
 
     option: Option
@@ -42,22 +42,11 @@ class _Part:
     def effect(self) -> Effect:
         return self.option.effect
 
-    @property
-    def sizes(self) -> Array:
-        return np.ones((1, 2))
-
-    @property
-    def unit(self) -> Array:
-        return np.ones(1)
-
     def columns(self, run: Run, axis: int) -> Array:
         half = self.half(run)
         if half is None:
             return np.zeros((len(run), 1))
         return np.asarray((self.option.columns(run, axis) @ self.coefficients * (half - self.share))[:, None])
-
-    def noise(self, run: Run, axis: int, samples: float) -> None:
-        """The noise of measured columns is neglected."""
 
 
 def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str, Checks]:
@@ -137,14 +126,15 @@ def _chances(
     )
     taken, columns = np.concatenate(matrix.at), np.concatenate(matrix.further)
     sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
-    white = _beside(matrix, scales, 0)
+    states = scales.states
+    white = beside_model(matrix, states.noises[0], states.spreads[0])
     plain = np.diagonal(white)[columns]
     power = {e: float(found[e] @ white[np.ix_(at, at)] @ found[e]) for e, at in zip(order, matrix.at, strict=True)}
     likeliest = np.argsort(weighed.bare)[::-1][:STATES]
     chances, differences, shown = np.zeros(columns.size), np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
     for state in likeliest.tolist():
-        products = integrated(_beside(matrix, scales, state)[None], taken, sd)[0][0]
-        norm, variance = np.diagonal(products)[columns], products[0, 0] / scales.states.degrees
+        products = integrated(beside_model(matrix, states.noises[state], states.spreads[state])[None], taken, sd)[0][0]
+        norm, variance = np.diagonal(products)[columns], products[0, 0] / states.degrees
         seen = norm > LEAST_SHOWN * plain
         statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)
         chances += weighed.bare[state] * np.array([float(tails.chi_square(s, 1)) for s in statistic])
@@ -161,14 +151,3 @@ def _chances(
             apart = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
             out[effect] = min(1.0, float(chances[mine].min()) * count), float(apart.max(initial=0.0))
     return out
-
-
-def _beside(matrix: Matrix, scales: Scales, state: int) -> Array:
-    """Products [q, q] in one state of the noise, without the columns of the model."""
-    grams, _ = matrix.grams(scales.states.noises[state])
-    if matrix.of_runs.size:
-        grams, _ = integrated(grams, matrix.of_runs, matrix.fit.spreads.run[list(matrix.design.layout.run_group)])
-    cycles = np.zeros((int(matrix.design.scenarios.max()) + 1, *grams.shape[1:]))
-    np.add.at(cycles, matrix.design.scenarios, grams)
-    apart, _ = integrated(cycles, matrix.of_cycles, np.array(scales.states.spreads[state]))
-    return without(apart.sum(axis=0), matrix.shared)[0]

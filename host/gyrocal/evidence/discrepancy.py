@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.effects.base import elapsed_s
 from gyrocal.effects.quantities import (
     acceleration_g,
+    cosines,
     cycle_time_s,
     power_on_time_s,
     rate_slope_dps_s,
@@ -79,14 +80,8 @@ class Shape:
 
 
 def _cosines(part: Array) -> Array:
-    """The cosines [COSINES, n] over the part of the range [n] that a variable has reached, by Chebyshev's recurrence."""
-    waves = np.empty((COSINES, part.size))
-    first = np.cos(np.pi * part, out=waves[0])
-    np.multiply(first, 2 * first, out=waves[1])
-    waves[1] -= 1.0
-    for k in range(2, COSINES):
-        np.multiply(2 * first, waves[k - 1], out=waves[k])
-        waves[k] -= waves[k - 2]
+    """The cosines [COSINES, n] over the part of the range [n] that a variable has reached, with falling amplitudes."""
+    waves = cosines(part, COSINES)
     waves /= np.arange(1, COSINES + 1)[:, None]
     return waves
 

@@ -125,8 +125,25 @@ class OfReference:
         """It is neglected."""
 
 
+class Free:
+    """A form of one column whose coefficient has no expected size."""
+
+    @property
+    def sizes(self) -> Array:
+        """Ones [1, 2]."""
+        return np.ones((1, 2))
+
+    @property
+    def unit(self) -> Array:
+        """Ones [1]."""
+        return np.ones(1)
+
+    def noise(self, run: Run, axis: int, samples: float) -> None:
+        """The noise of measured columns is neglected."""
+
+
 @dataclass(frozen=True, eq=False)
-class OfTerm:
+class OfTerm(Free):
     """How a term of the model changes with the logarithm of its nonlinear parameter, with a free coefficient: no hypothesis.
 
     The parameter was fitted without the effects that are weighed, and has taken up a part of them.
@@ -136,22 +153,9 @@ class OfTerm:
     values: Values
     name: str
 
-    @property
-    def sizes(self) -> Array:
-        """No size is expected: ones [1, 2]."""
-        return np.ones((1, 2))
-
-    @property
-    def unit(self) -> Array:
-        """Ones [1]."""
-        return np.ones(1)
-
     def columns(self, run: Run, axis: int) -> Array:
         """The change [n, 1] of the term in a run, deg/s for a change of the parameter by its own size."""
         return _slope(lambda v: self.effect.term(run, axis, v), self.values, self.name)[:, None]
-
-    def noise(self, run: Run, axis: int, samples: float) -> None:
-        """It is neglected."""
 
 
 def of_terms(terms: Sequence[Term], runs: Sequence[Run]) -> list[OfTerm]:

@@ -47,24 +47,36 @@ class States:
     @staticmethod
     def of(matrix: Matrix) -> States:
         """All states of an axis."""
-        products, weights, noises, spreads = [], [], [], []
-        for noise, log_prior in _drifts(matrix):
-            grams, logdet = matrix.grams(noise)
-            own = matrix.of_runs
-            if own.size:
-                sd = matrix.fit.spreads.run[list(matrix.design.layout.run_group)]
-                grams, of_runs = integrated(grams, own, sd)
-                logdet = logdet + of_runs
-            cycles = _by_cycle(grams, matrix.design.scenarios)
-            for sd_of_cycles, log_of_spread in _spreads(matrix):
-                apart, of_cycles = integrated(cycles, matrix.of_cycles, np.array(sd_of_cycles))
-                total, of_shared = without(apart.sum(axis=0), matrix.shared)
-                products.append(total)
-                weights.append(log_prior + log_of_spread - 0.5 * (float(logdet.sum()) + float(of_cycles.sum()) + of_shared))
-                noises.append(noise)
-                spreads.append(sd_of_cycles)
-        degrees = matrix.n - matrix.shared.size
-        return States(np.array(products), np.array(weights), degrees, tuple(noises), tuple(spreads))
+        products, weights, noises = [], [], []
+        spreads = _spreads(matrix)
+        sds, of_spread = np.array([sd for sd, _ in spreads]), np.array([log for _, log in spreads])
+        drifts = _drifts(matrix)
+        for noise, log_prior in drifts:
+            cycles, of_runs = _of_cycles(matrix, noise)
+            total, of_columns = _beside(cycles, matrix.of_cycles, sds, matrix.shared)
+            products.append(total)
+            weights.append(log_prior + of_spread - 0.5 * (of_runs + of_columns))
+            noises += [noise] * len(spreads)
+        degrees, of_all = matrix.n - matrix.shared.size, tuple(sd for sd, _ in spreads) * len(drifts)
+        return States(np.concatenate(products), np.concatenate(weights), degrees, tuple(noises), of_all)
+
+
+def _of_cycles(matrix: Matrix, noise: Noise) -> tuple[Array, float]:
+    """Products [cycles, q, q] of each power cycle without the coefficients of each run, and the log-determinant of all."""
+    grams, logdet = matrix.grams(noise)
+    if matrix.of_runs.size:
+        sd = matrix.fit.spreads.run[list(matrix.design.layout.run_group)]
+        grams, of_runs = integrated(grams, matrix.of_runs, sd)
+        logdet = logdet + of_runs
+    scenarios = matrix.design.scenarios
+    members = (np.arange(int(scenarios.max()) + 1)[:, None] == scenarios).astype(float)
+    return (members @ grams.reshape(len(grams), -1)).reshape(-1, *grams.shape[1:]), float(logdet.sum())
+
+
+def beside_model(matrix: Matrix, noise: Noise, spreads: Sequence[float]) -> Array:
+    """Products [q, q] in one state of the noise, without the columns of the model."""
+    cycles, _ = _of_cycles(matrix, noise)
+    return _beside(cycles, matrix.of_cycles, np.array([spreads]), matrix.shared)[0][0]
 
 
 def factor(information: Array) -> Array:
@@ -84,28 +96,44 @@ def integrated(grams: Array, columns: Index, sd: Array) -> tuple[Array, Array]:
     """Products [r, q, q] without ``columns`` [k] whose coefficients are ~ N(0, sd^2), and log-determinants [r]."""
     if not columns.size or not np.any(sd):
         return grams, np.zeros(len(grams))
-    rows = sd[:, None] * grams[:, columns]
-    chol = factor(np.eye(columns.size) + rows[:, :, columns] * sd)
-    half = np.linalg.solve(chol, rows)
-    return grams - half.swapaxes(-1, -2) @ half, 2 * np.log(np.diagonal(chol, axis1=1, axis2=2)).sum(axis=1)
+    half, logdet = _taken(grams, columns, sd)
+    return grams - half.swapaxes(-1, -2) @ half, logdet
 
 
-def without(gram: Array, columns: Index) -> tuple[Array, float]:
-    """Products [q, q] without ``columns`` [k] whose coefficients are free, and the log-determinant."""
-    out, logdet = gram.copy(), 0.0
-    for j in columns.tolist():
-        norm = float(out[j, j])
-        if norm > LEAST_NORM * float(gram[j, j]):
-            out -= np.outer(out[j], out[j] / norm)
-            logdet += float(np.log(norm))
-        out[j], out[:, j] = 0.0, 0.0
+def _taken(grams: Array, columns: Index, sd: Array) -> tuple[Array, Array]:
+    """Rows [..., r, k, q] whose products are what ``columns`` [k] with coefficients ~ N(0, sd^2) take of ``grams`` [r, q, q],
+    and log-determinants [..., r].
+    """
+    rows = sd[..., :, None] * grams[:, columns]
+    chol = factor(np.eye(columns.size) + rows[..., columns] * sd[..., None, :])
+    logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+    return np.asarray(np.linalg.solve(chol, rows)), np.asarray(logdet)
+
+
+def _beside(cycles: Array, columns: Index, sds: Array, free: Index) -> tuple[Array, Array]:
+    """Products [s, q, q] summed over ``cycles`` [r, q, q] without the model's columns, and log-determinants [s].
+
+    ``columns`` [k] have coefficients of each cycle, ~ N(0, sd^2) for each of ``sds`` [s, k]; the coefficients of ``free`` [p]
+    are the same in all. What all of them take is a product of a few rows, which is subtracted at once.
+    """
+    together, q = cycles.sum(axis=0), cycles.shape[-1]
+    rows, of_cycles = _taken(cycles, columns, sds[:, None])
+    rows, logdet = rows.reshape(len(sds), len(cycles) * columns.size, q), of_cycles.sum(axis=-1)
+    left = together[free] - rows[:, :, free].swapaxes(-1, -2) @ rows
+    taken, norms = np.zeros_like(left), [left[:, k, j].copy() for k, j in enumerate(free.tolist())]
+    for k, j in enumerate(free.tolist()):
+        norm = left[:, k, j]
+        known = norm > LEAST_NORM * norms[k]
+        norm = np.where(known, norm, 1.0)
+        taken[:, k] = np.where(known[:, None], left[:, k] / np.sqrt(norm)[:, None], 0.0)
+        logdet = logdet + np.log(norm)
+        left -= taken[:, k, free][:, :, None] * taken[:, k, None]
+        left[:, :, j] = 0.0
+    rows = np.concatenate([rows, taken], axis=1)
+    out = rows.swapaxes(-1, -2) @ rows
+    np.subtract(together, out, out=out)
+    out[:, free], out[:, :, free] = 0.0, 0.0
     return out, logdet
-
-
-def _by_cycle(grams: Array, scenarios: Index) -> Array:
-    out = np.zeros((int(scenarios.max()) + 1, *grams.shape[1:]))
-    np.add.at(out, scenarios, grams)
-    return out
 
 
 def _drifts(matrix: Matrix) -> list[tuple[Noise, float]]:

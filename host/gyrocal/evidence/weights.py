@@ -205,36 +205,32 @@ class Scales:
 
     def _with_rests(self, states: Index, at: Index, sd: Array) -> Array:
         """The same beside each rest, with its probability, shape [s, rests]."""
-        out = np.empty((len(states), len(self.rests)))
-        for shape in dict.fromkeys(rest.shape for rest in self.rests):
-            mine = [k for k, rest in enumerate(self.rests) if rest.shape == shape]
-            out[:, mine] = self._beside_cosines(states, at, sd, self.matrix.left[shape])
-        return out + np.array([rest.log_prior for rest in self.rests])
+        shapes = list(dict.fromkeys(rest.shape for rest in self.rests))
+        beside = self._beside_cosines(states, at, sd, np.array([self.matrix.left[k] for k in shapes]))
+        return beside.reshape(len(states), -1) + np.array([rest.log_prior for rest in self.rests])
 
     def _beside_cosines(self, states: Index, at: Index, sd: Array, left: Index) -> Array:
-        """The evidence beside the cosines ``left`` of each of :data:`AMPLITUDES`, shape [s, amplitudes].
+        """The evidence beside each row of cosines ``left`` [r, c], of each of :data:`AMPLITUDES`, shape [s, r, amplitudes].
 
         With the set integrated out once, the cosines are turned to where they are independent of each other. Each amplitude
         then costs a sum and no further solution.
         """
         products, size = self.states.products, at.size
-        rows = np.concatenate([[0], at, left])
-        gram = products[states[:, None, None], rows[:, None], rows]
-        weight = self.states.log_weight[states].copy()
+        rows = np.column_stack([np.zeros(len(left), dtype=np.intp), left])  # the reading beside the cosines
+        gram = products[states[:, None, None, None], rows[:, :, None], rows[:, None, :]]
+        weight = self.states.log_weight[states]
         if size:
-            scaled = sd[:, None] * gram[:, 1 : 1 + size]
-            chol = factor(np.eye(size) + scaled[:, :, 1 : 1 + size] * sd)
-            half = np.linalg.solve(chol, scaled)
+            scaled = sd[:, None] * products[states[:, None], at]
+            chol = factor(np.eye(size) + scaled[:, :, at] * sd)
+            half = np.linalg.solve(chol, scaled)[:, :, rows].swapaxes(1, 2)
             gram = gram - half.swapaxes(-1, -2) @ half
-            weight -= np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-        keep = np.concatenate([[0], np.arange(1 + size, rows.size)])
-        gram = gram[:, keep[:, None], keep]
-        power, turned = np.linalg.eigh(gram[:, 1:, 1:])
-        cross = (gram[:, :1, 1:] @ turned)[:, 0] ** 2
+            weight = weight - np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+        power, turned = np.linalg.eigh(gram[..., 1:, 1:])
+        cross = (gram[..., :1, 1:] @ turned)[..., 0, :] ** 2
         variance = (np.array(AMPLITUDES) * self.matrix.second_dps)[:, None] ** 2
-        grown = 1 + variance * np.maximum(power, 0.0)[:, None]
-        chi2 = gram[:, 0, 0, None] - (variance * cross[:, None] / grown).sum(axis=-1)
-        return np.asarray(weight[:, None] - 0.5 * np.log(grown).sum(axis=-1) - self._misfit(chi2))
+        grown = 1 + variance * np.maximum(power, 0.0)[..., None, :]
+        chi2 = gram[..., 0, 0, None] - (variance * cross[..., None, :] / grown).sum(axis=-1)
+        return np.asarray(weight[:, None, None] - 0.5 * np.log(grown).sum(axis=-1) - self._misfit(chi2))
 
     def _chosen(
         self, effect: str, others: Mapping[str, tuple[int, int]], places: Sequence[tuple[int, Rest | None]]
@@ -340,7 +336,7 @@ class Scales:
         left = np.concatenate([self.matrix.left[k] for k in shapes])
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
         near = self._near(bare)
-        beside = self._beside_cosines(near, at, sd, left) + np.log(LEFT_OVER / len(AMPLITUDES))
+        beside = self._beside_cosines(near, at, sd, left[None]) + np.log(LEFT_OVER / len(AMPLITUDES))
         inner = weighed.by_rest[None] - _logsum(bare) - np.log(1 - LEFT_OVER)
         return float(np.logaddexp(_logsum(bare) + np.log(1 - LEFT_OVER), _logsum(beside)) + inner)
 

@@ -14,6 +14,7 @@ from gyrocal import plausibility, tails
 from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.residual.angles import Level
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.judged import Judged
 from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
@@ -26,7 +27,6 @@ from gyrocal.gravity.observations import Rows, parameters
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Session
-from gyrocal.shown import Shown
 from gyrocal.warning import Warning
 
 PROBES = (
@@ -37,7 +37,7 @@ PROBES = (
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Comparison(Shown):
+class Comparison(Judged):
     """Comparison of a model with a session by gravity; levels in deg."""
 
     fit: GravityFit
@@ -53,31 +53,19 @@ class Comparison(Shown):
     """What has become of the parameters of a model that is held against the session as it is; else None."""
 
     @property
-    def implausible(self) -> bool:
-        """True if a blocking warning applies to the session's own axis."""
-        return any(w.blocks(self.fit.scene.session.axis) for w in self.warnings)
-
-    @property
-    def verdict(self) -> str:
-        """``implausible``, ``misfit`` or ``adequate``."""
-        if self.implausible:
-            return "implausible"
-        return "misfit" if self.where else "adequate"
+    def own_axis(self) -> str:
+        """The session's axis."""
+        return self.fit.scene.session.axis
 
     def to_json(self) -> dict[str, Any]:
         return {
             "model": self.fit.model.ids, "residual": "angle", **self.pooled.to_json(),
             "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()}, "verdict": self.verdict,
-            "where": [
-                {"axis": w.axis, "against": w.against, "strength": round(w.strength, 3), "note": w.note} for w in self.where
-            ],
+            "where": self.where_json(),
             "held_out": self.held_out, "note": self.note,
             "rests": len(self.fit.scene.rests), "movements": len(self.fit.scene.movements),
             "accelerometer": self.fit.scene.accelerometer_json(),
-            "parameters": [
-                {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
-                for line in self.fit.model.lines() for name, value in line.values.items()
-            ],
+            "parameters": self.fit.model.values_json(),
             **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],
         }  # fmt: skip

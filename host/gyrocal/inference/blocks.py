@@ -74,8 +74,8 @@ class Blocks:
     def _edges(self) -> Index:
         # reduceat sums up to the next edge, so the end of each block is also an edge if samples between blocks are left out
         stops = (self.start + self.n.astype(np.intp))[:-1]
-        together = np.array_equal(stops, self.start[1:])
-        return self.start if together else np.unique(np.concatenate([self.start, stops]))
+        apart = np.flatnonzero(stops != self.start[1:])
+        return np.insert(self.start, apart + 1, stops[apart]) if apart.size else self.start
 
     @cached_property
     def _picked(self) -> Index:

@@ -19,7 +19,7 @@ from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.identified import identified, left_out
-from gyrocal.inference.layout import Layout
+from gyrocal.inference.layout import Layout, assigned
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.whitening import Noise, Summed
@@ -35,6 +35,9 @@ SLOW_S = 4.0
 LEAST_CONTRAST = 0.1
 """Spread of the true rates of a power cycle over their rms from which on they determine its scale beside its offset."""
 
+Means = list[Array | None]
+"""Block means [m, k] of each term's columns in one run; None for a term without columns."""
+
 
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
@@ -48,6 +51,7 @@ class Design:
     def __init__(
         self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
         like: Design | None = None, color: Color = WHITE, about: Mapping[str, Values] | None = None,
+        part: Sequence[Means] = (),
     ) -> None:  # fmt: skip
         self.axis = axis
         self.noise_model = noise_model
@@ -65,7 +69,7 @@ class Design:
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         lacking = zip(terms, self._before, strict=True)
         self.lacking: list[Mask] = [self._lacking(term, runs) if k is None else before.lacking[k] for term, k in lacking]
-        self.means = [self._means(i, before) for i in range(len(self.blocks))]
+        self.means = [self._means(i, before, part[i] if part else None) for i in range(len(self.blocks))]
         self.levels = {t: self._level(t) for t, lacks in enumerate(self.lacking) if lacks.any()}
         for t in self.levels:
             for i in np.flatnonzero(self.lacking[t]):
@@ -93,19 +97,31 @@ class Design:
 
     def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
         """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""
-        cell_s = self.cell_s if cell_s is None else cell_s
-        terms = self.terms if terms is None else terms
-        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else WHITE
-        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about)
+        return self._on(blocks, self.terms if terms is None else terms, self.cell_s if cell_s is None else cell_s)
 
-    def _means(self, i: int, before: Design) -> list[Array | None]:
-        """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
-        out: list[Array | None] = []
-        for term, k in zip(self.terms, self._before, strict=True):
+    def selected(self, kept: Sequence[Mask]) -> Design:
+        """The same on the blocks with True in ``kept`` [m] of each run, without the runs of which none is left."""
+        left = [(i, mask) for i, mask in enumerate(kept) if mask.any()]
+        blocks, lacks = [self.blocks[i].select(mask) for i, mask in left], np.transpose(self.lacking)
+        part = [
+            [None if m is None or no else m[mask] for m, no in zip(self.means[i], lacks[i], strict=True)] for i, mask in left
+        ]  # fmt: skip
+        return self._on(blocks, self.terms, self.cell_s, part)
+
+    def _on(self, blocks: Sequence[Blocks], terms: Sequence[Term], cell_s: float, part: Sequence[Means] = ()) -> Design:
+        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else WHITE
+        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about, part=part)
+
+    def _means(self, i: int, before: Design, known: Means | None) -> Means:
+        """The means in one run; ``known`` are those of a run of which this is a part."""
+        out: Means = []
+        for t, (term, k) in enumerate(zip(self.terms, self._before, strict=True)):
             same = None if k is None or before.blocks[i] is not self.blocks[i] else before.means[i][k]
-            if same is None and term.fault is None and not self.lacking[len(out)][i]:
-                columns = self._at_samples(term, self.blocks[i])
-                same = self.blocks[i].mean(columns) if columns.shape[1] else None
+            if not self.lacking[t][i]:
+                same = known[t] if known is not None and same is None else same
+                if same is None and term.fault is None:
+                    columns = self._at_samples(term, self.blocks[i])
+                    same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
         return out
 
@@ -177,22 +193,7 @@ class Design:
         return b
 
     def _build(self) -> tuple[Layout, list[Summed]]:
-        fixed: list[tuple[int, int]] = []
-        run: list[tuple[int, int]] = []
-        group: list[int] = []
-        n_groups = 0
-        for i, term in enumerate(self.terms):
-            kind = term.effect
-            k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
-            scope = self.scopes[i]
-            if term.fault is not None:
-                continue
-            if scope == "session" or kind.common_mean:
-                fixed += [(i, j) for j in range(k)]
-            if scope == "run" and k and not (kind.common_mean and len(self.blocks) == 1):  # one run shows the mean alone
-                run += [(i, j) for j in range(k)]
-                group += [n_groups + g for g in kind.groups(term.values)]
-                n_groups = max(group) + 1
+        fixed, run, group = assigned(self.terms, self.scopes, len(self.blocks))
         fixed = [f for f in fixed if self.terms[f[0]].fitted(f[1]) and self._says_anything(f)]
         summed = [
             Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.precision, self.cell_s, self.color)

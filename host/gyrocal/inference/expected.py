@@ -15,12 +15,14 @@ Nonlinear parameters and the noise itself are taken as known, as in ``heldout.pr
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.blocks import Blocks, Index
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.heldout import EVERYTHING, Fold, time_masks
 from gyrocal.noise.whitening import Noise
@@ -153,13 +155,13 @@ def _inverse_times(noise: Noise, t_s: Array, n: Array, right: Array) -> Array:
 
 class _Sources:
     """The independent random quantities of a session, in one vector: the functionals and coefficients of each run, the
-    coefficients of each power cycle. ``cov`` holds the covariance of each part.
+    coefficients of each power cycle. These parts of the vector are independent of each other.
     """
 
     def __init__(self, axis: AxisFit, runs: dict[int, _Kernels]) -> None:
         layout, self.of_run, self.of_cycle = axis.design.layout, {}, {}
         own = axis.spreads.run[list(layout.run_group)] ** 2
-        self.cov: list[tuple[slice, Array]] = []
+        self._parts: dict[int, list[tuple[int, Array]]] = defaultdict(list)
         self.size = 0
         for i, k in runs.items():
             self.of_run[i] = (self._add(k.cov), self._add(np.diag(own)))
@@ -168,15 +170,24 @@ class _Sources:
 
     def _add(self, cov: Array) -> slice:
         part = slice(self.size, self.size + len(cov))
-        self.cov.append((part, cov))
+        self._parts[len(cov)].append((part.start, cov))
         self.size = part.stop
         return part
+
+    @cached_property
+    def _alike(self) -> list[tuple[Index, Array]]:
+        """The sources [parts, s] and the covariances [parts, s, s] of all parts of one size, for each size."""
+        return [
+            (np.array([first for first, _ in parts])[:, None] + np.arange(size), np.array([cov for _, cov in parts]))
+            for size, parts in self._parts.items()
+        ]  # fmt: skip
 
     def covariance(self, rows: Array) -> Array:
         """Covariance [k, k] of linear combinations ``rows`` [k, sources]."""
         out = np.zeros((len(rows), len(rows)))
-        for part, cov in self.cov:
-            out += rows[:, part] @ cov @ rows[:, part].T
+        for index, cov in self._alike:
+            of_parts = rows[:, index].swapaxes(0, 1)
+            out += (of_parts @ cov @ of_parts.swapaxes(-1, -2)).sum(axis=0)
         return out
 
 

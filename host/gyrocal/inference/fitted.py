@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +18,9 @@ from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array, Session
 from gyrocal.shown import Shown
+
+SampleColumns = Mapping[int, Array]
+"""Columns [n, k] at the samples of a run by the index of their term."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +130,9 @@ class AxisFit:
             out += u * columns[i][:, j]
         return out
 
-    def predict(self, run: int, beta: Array, u: Array) -> Array:
-        """Modelled minus true rate at every sample of a run, shape [n], deg/s."""
-        columns = self.design.sample_columns(self.design.blocks[run])
+    def predict(self, run: int, beta: Array, u: Array, columns: SampleColumns | None = None) -> Array:
+        """Modelled minus true rate at every sample of a run, shape [n], deg/s; ``columns`` are those of the run, if known."""
+        columns = columns or self.design.sample_columns(self.design.blocks[run])
         out = self.design.subtracted(columns.get, len(self.design.blocks[run].run))
         for (i, j), b in zip(self.design.layout.fixed, beta, strict=True):
             out += b * columns[i][:, j]

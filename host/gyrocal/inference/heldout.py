@@ -17,7 +17,7 @@ import numpy as np
 from gyrocal.effects.base import Role
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Mask
-from gyrocal.inference.fitted import AxisFit, Fit
+from gyrocal.inference.fitted import AxisFit, Fit, SampleColumns
 from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
@@ -129,19 +129,38 @@ class Step:
 def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
     """Leave each fold out in turn.
 
-    The shared parameters and the spreads over runs are fitted to the rest. The noise stays as fitted to all data.
+    The shared parameters and the spreads over runs are fitted to the rest. The noise stays as fitted to all data. What is
+    fitted is kept with the fit of the axis, because gains and predictions ask for the same folds.
     """
+    kept: dict[Fold, _Rest] = axis.__dict__.setdefault("_without", {})
     for fold in all_folds:
+        if fold not in kept:
+            kept[fold] = _Rest.of(axis, fold)
+        rest = kept[fold]
+        yield Step(fold, rest.trained or axis, rest.solution, rest.spreads, rest.gain)
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What is fitted without a fold; ``trained`` is None if it is of the design of all data."""
+
+    trained: AxisFit | None
+    solution: Solution
+    spreads: Spreads
+    gain: dict[str, float]
+
+    @staticmethod
+    def of(axis: AxisFit, fold: Fold) -> _Rest:
+        """The fit of an axis without a fold."""
         if fold.label == SESSION and len(fold.runs) == len(axis.design.blocks):
-            yield Step(fold, axis, axis.solution, axis.spreads, {})
-        elif fold.time is None:
-            held = np.zeros(len(axis.design.blocks), dtype=bool)
-            held[list(fold.runs)] = True
-            spreads = axis.spreads_without(held)
-            solution = axis.subset(~held, spreads)
-            yield Step(fold, axis, solution, spreads, dict(_gains(axis, held, solution, spreads)))
-        else:
-            yield _time_step(axis, fold)
+            return _Rest(None, axis.solution, axis.spreads, {})
+        if fold.time is not None:
+            return _without_time(axis, fold)
+        held = np.zeros(len(axis.design.blocks), dtype=bool)
+        held[list(fold.runs)] = True
+        spreads = axis.spreads_without(held)
+        solution = axis.subset(~held, spreads)
+        return _Rest(None, solution, spreads, dict(_gains(axis, held, solution, spreads)))
 
 
 def _gains(axis: AxisFit, held: Mask, trained: Solution, spreads: Spreads) -> Iterator[tuple[str, float]]:
@@ -152,16 +171,11 @@ def _gains(axis: AxisFit, held: Mask, trained: Solution, spreads: Spreads) -> It
         yield label, axis.subset(~held | mine, spreads).loglik - trained.loglik
 
 
-def _time_step(axis: AxisFit, fold: Fold) -> Step:
-    trained, seen = [], []
-    for b in axis.design.blocks:
-        inside, near = time_masks(b, fold)
-        trained.append(b.select(~inside & ~near))
-        seen.append(b.select(~near))
+def _without_time(axis: AxisFit, fold: Fold) -> _Rest:
+    masks = [time_masks(b, fold) for b in axis.design.blocks]
     fits = []
-    for blocks in (trained, seen):
-        usable = [b for b in blocks if b.t_s.size]
-        design = axis.design.over(usable)
+    for kept in ([~inside & ~near for inside, near in masks], [~near for _, near in masks]):
+        design = axis.design.selected(kept)
         grams, logdet = design.grams(axis.noise)
         equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
         fits.append((design, equations, logdet))
@@ -169,7 +183,7 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
     spreads = fit_spreads(design, equations, axis.spreads)
     solution, both = equations.solve(spreads), more.solve(spreads)
     fitted = AxisFit(design, axis.noise, spreads, solution, axis.design.terms, equations.grams, logdet)
-    return Step(fold, fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
+    return _Rest(fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
 
 
 def time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
@@ -189,10 +203,15 @@ def predictions(fit: Fit, all_folds: list[Fold], *, net: bool = False) -> Iterat
     ``net`` includes runs of which only the net angle is known, so that only the sum over a run means something.
     """
     for axis in fit.axes.values():
+        shared: dict[int, SampleColumns] = {}  # of the runs of which each fold of time leaves out a part
         for step in steps(axis, all_folds):
+            design = step.trained.design
             for i in step.fold.runs:
-                if net or not step.trained.design.blocks[i].run.rate_is_mean:
-                    yield _predict(step, i)
+                b = design.blocks[i]
+                if step.fold.time is not None and not design.levels and b.run.index not in shared:
+                    shared[b.run.index] = design.sample_columns(b)
+                if net or not b.run.rate_is_mean:
+                    yield _predict(step, i, shared.get(b.run.index))
 
 
 def fitted(fit: Fit, *, net: bool = False) -> Iterator[Prediction]:
@@ -214,11 +233,11 @@ def _told(axis: AxisFit) -> Solution:
     return replace(axis.solution, beta=beta)
 
 
-def _predict(step: Step, i: int) -> Prediction:
+def _predict(step: Step, i: int, columns: SampleColumns | None = None) -> Prediction:
     axis = step.trained
     run = axis.design.blocks[i].run
     u = axis.run_coefficients(i, step.solution.beta, step.spreads)
-    modelled = axis.predict(i, step.solution.beta, u)
+    modelled = axis.predict(i, step.solution.beta, u, columns)
     modelled = modelled + known_dps(run, axis.design.axis)
     for term in axis.design.terms:
         if not term.values or term.fault is None:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from gyrocal.error_model.term import Term
+
+Columns = list[tuple[int, int]]
+"""Pairs of a term's index and a column within the term."""
 
 
 @dataclass(frozen=True)
@@ -28,3 +34,23 @@ class Layout:
     def n_groups(self) -> int:
         """Number of groups of coefficients that differ from run to run."""
         return max(self.run_group, default=-1) + 1
+
+
+def assigned(terms: Sequence[Term], scopes: Sequence[str], n_runs: int) -> tuple[Columns, Columns, list[int]]:
+    """The columns that all runs share, those with a coefficient of their own in each run, and the groups of the latter."""
+    fixed: Columns = []
+    run: Columns = []
+    group: list[int] = []
+    n_groups = 0
+    for i, (term, scope) in enumerate(zip(terms, scopes, strict=True)):
+        kind = term.effect
+        k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
+        if term.fault is not None:
+            continue
+        if scope == "session" or kind.common_mean:
+            fixed += [(i, j) for j in range(k)]
+        if scope == "run" and k and not (kind.common_mean and n_runs == 1):  # one run shows the mean alone
+            run += [(i, j) for j in range(k)]
+            group += [n_groups + g for g in kind.groups(term.values)]
+            n_groups = max(group) + 1
+    return fixed, run, group

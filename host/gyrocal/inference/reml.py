@@ -188,6 +188,7 @@ class Equations:
         self.layout, self.grams, self.n = layout, grams, n
         self._logdet = logdet.sum(axis=-1)
         self._keep = np.arange(1 + len(layout.fixed))
+        self._group, self._random = np.array(layout.run_group, dtype=np.intp), np.array(layout.scenario, dtype=np.intp)
         self._members = (np.array(sorted(set(scenarios.tolist())))[:, None] == scenarios).astype(float)
         own = np.arange(self._keep.size, grams.shape[-1])
         self._of_runs = Parted.of(grams, own, self._keep) if layout.run else None
@@ -199,7 +200,7 @@ class Equations:
             return None
         summed = self._members @ grams.reshape(*grams.shape[:-2], -1)
         size = self._keep.size
-        return Parted.of(summed.reshape(*summed.shape[:-1], size, size), np.array(self.layout.scenario) + 1, self._keep)
+        return Parted.of(summed.reshape(*summed.shape[:-1], size, size), self._random + 1, self._keep)
 
     def solve(self, spreads: Spreads) -> Solution:
         """Integrate out the random coefficients and solve for the shared ones."""
@@ -220,7 +221,7 @@ class Equations:
         of_runs = of_scenarios = None
         parted = self._of_scenarios
         if self._of_runs is not None:
-            of_runs = self._of_runs.integrate(spreads.run[..., list(self.layout.run_group)])
+            of_runs = self._of_runs.integrate(spreads.run[..., self._group])
             grams, logdet = of_runs.grams, logdet + of_runs.logdet.sum(axis=-1)
             parted = self._of_each_scenario(grams)
         if parted is not None:
@@ -236,27 +237,27 @@ class Equations:
         By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is
         the coefficient divided by its spread.
         """
-        layout, p, solved = self.layout, self._keep.size - 1, self._solved(spreads)
+        p, solved = self._keep.size - 1, self._solved(spreads)
         slope_run, slope_scenario = np.zeros(spreads.run.size), np.zeros(spreads.scenario.size)
         if not np.isfinite(solved.loglik):
             return solved.solution, np.concatenate([slope_run, slope_scenario])
         beta, cov = solved.beta, solved.cov
-        center, spread = np.broadcast_to(beta, (1, p)), cov[None]
+        center, spread = beta[None], cov[None]
         of_scenarios, cycles = solved.of_scenarios, solved.grams.shape[0]
         if of_scenarios is not None:
             slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
         if of_scenarios is not None and solved.of_runs is not None:
             pull = np.zeros((cycles, p, 1 + p))  # the coefficients of a power cycle: beta plus their random part
-            pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
+            pull[:, self._random] = spreads.scenario[:, None] * of_scenarios.weights
             own = np.eye(p) - pull[:, :, 1:]
             random = np.zeros((cycles, p, p))
-            rows = np.ix_(range(cycles), layout.scenario, layout.scenario)
-            random[rows] = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
+            inverse = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
+            random[:, self._random[:, None], self._random] = inverse
             which = self._members.argmax(axis=0)
             center = (own @ beta + pull[:, :, 0])[which]
             spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
         if solved.of_runs is not None:
-            np.add.at(slope_run, list(layout.run_group), _slopes(solved.of_runs, center, spread).sum(axis=0))
+            np.add.at(slope_run, self._group, _slopes(solved.of_runs, center, spread).sum(axis=0))
         return solved.solution, np.concatenate([slope_run, slope_scenario])
 
 

@@ -197,12 +197,12 @@ def _louder(log_hz: Array, log_density: Array, i: int, b: int, side: int, segmen
     Both are zero for a band that is not louder than each of the sides.
     """
     band, beside = slice(i, i + b), np.r_[i - side : i, i + b : i + b + side]
-    middle = float(log_hz[band].mean())
-    x, own = log_hz[beside] - middle, log_hz[band] - middle
-    weight = np.array([1.0, 0.0, float((own**2).mean())]) @ np.linalg.pinv(np.stack([np.ones(x.size), x, x**2], axis=1))
     mean = float(np.log(np.exp(log_density[band]).mean()))
     if mean <= max(np.log(np.exp(log_density[part]).mean()) for part in (beside[:side], beside[side:])):
         return 0.0, 0.0  # the density of noise falls with frequency, and some filters bend it more than others
+    middle = float(log_hz[band].mean())
+    x, own = log_hz[beside] - middle, log_hz[band] - middle
+    weight = np.array([1.0, 0.0, float((own**2).mean())]) @ np.linalg.pinv(np.stack([np.ones(x.size), x, x**2], axis=1))
     louder = mean - float(weight @ log_density[beside])
     variance = float(weight @ weight) * (1 + 2 * OF_NEXT + 2 * OF_SECOND) / segments + 1 / (_values_of_band(b) * segments)
     return louder, (louder - BEND * float(np.abs(x).max()) ** 4) / float(np.sqrt(variance))

@@ -131,6 +131,16 @@ class Summed:
         same[own], same[level] = np.arange(own.size), own.size + which
         return np.concatenate([own, level[first]]), same.reshape(self.means.shape[:2])
 
+    @cached_property
+    def _rows(self) -> tuple[Array, Array]:
+        """The rows [r, k] of the means that differ, and their differences from cell to cell [r, k - 1]."""
+        rows = self.means.reshape(-1, self.t_s.size)[self._distinct[0]]
+        return rows, np.diff(rows)
+
+    @cached_property
+    def _even(self) -> bool:
+        return bool(np.ptp(self.n) == 0)
+
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
         """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise."""
         grams, logdets = self.near(noise, ())
@@ -156,15 +166,14 @@ class Summed:
         if noise.ou_sd_dps <= 0.0:
             return self.gram[None] * precision, np.array([of_white])
         drifts = [_Drift.of(one, self.t_s, self.n * precision) for one in (noise, *others)]
-        drift, (distinct, _) = drifts[0], self._distinct
-        rows = self.means.reshape(-1, self.t_s.size)[distinct]
-        left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows).T, overwrite_b=True)[0].T
-        even = np.ptp(self.n) == 0
+        drift, (rows, differences) = drifts[0], self._rows
+        left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows, differences).T, overwrite_b=True)[0].T
         gram = self.within * precision
-        gram += precision * (self.n[0] * self._product(rows, left) if even else self._product(rows * self.n, left))
+        gram += precision * (self.n[0] * self._product(rows, left) if self._even else self._product(rows * self.n, left))
         grams = np.repeat(gram[None], len(drifts), axis=0)
         if others:
-            of_growth, of_rate = self._slopes(drift, rows - left)
+            np.subtract(rows, left, out=left)
+            of_growth, of_rate = self._slopes(drift, left)
             for one, gram in zip(drifts[1:], grams[1:], strict=True):
                 gram += np.log(one.growth / drift.growth) * of_growth + np.log(one.rate / drift.rate) * of_rate
         return grams, np.array([of_white + one.logdet for one in drifts])
@@ -175,7 +184,8 @@ class Summed:
         ``rows`` [r, k] are the drifts that the distinct columns imply. The growth scales the variance that each step adds; the
         rate also changes what each step keeps.
         """
-        steps = drift.steps(rows) / drift.driven
+        steps = drift.steps(rows, np.diff(rows))
+        steps /= drift.driven
         added = -drift.driven
         added[1:] += 2 * drift.variance * drift.ages * drift.kept**2
         other = -0.5 * added * steps
@@ -235,17 +245,20 @@ class _Drift:
         growth, rate = variance / noise.ou_tau_s, 1 / noise.ou_tau_s
         return _Drift(growth, rate, variance, ages, kept, -np.expm1(-ages), driven, pivots, factors, logdet)
 
-    def steps(self, rows: Array) -> Array:
-        """What rows of values at cells [r, k] are beside what is kept of the cell before, [r, k]."""
-        out = np.empty_like(rows)
+    def steps(self, rows: Array, differences: Array) -> Array:
+        """What rows of values at cells [r, k] are beside what is kept of the cell before, [r, k].
+
+        ``differences`` [r, k - 1] are those from cell to cell.
+        """
+        out = np.empty(rows.shape)
         out[:, 0] = rows[:, 0]
         np.multiply(rows[:, :-1], self.forgotten, out=out[:, 1:])
-        out[:, 1:] += np.diff(rows)
+        out[:, 1:] += differences
         return out
 
-    def whitened(self, rows: Array) -> Array:
+    def whitened(self, rows: Array, differences: Array) -> Array:
         """``rows·Q`` [r, k]: rows of values at cells times the inverse covariance of the drift."""
-        out = self.steps(rows)
+        out = self.steps(rows, differences)
         out /= self.driven
         out[:, :-1] -= self.kept * out[:, 1:]
         return out

@@ -54,11 +54,7 @@ def _session(session: Session) -> dict[str, Any]:
 
 
 def _model(model: Model) -> dict[str, Any]:
-    lines = [
-        {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
-        for line in model.lines() for name, value in line.values.items()
-    ]  # fmt: skip
-    return {"kind": "model", "name": model.name, "model": model.ids, "parameters": lines}
+    return {"kind": "model", "name": model.name, "model": model.ids, "parameters": model.values_json()}
 
 
 def _plan(path: Path) -> dict[str, Any]:

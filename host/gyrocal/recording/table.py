@@ -88,9 +88,9 @@ def write_table(table: pl.DataFrame, path: Path) -> None:
 
 
 def all_finite(values: Array) -> bool:
-    """True if every value of an array [n] is finite. A finite sum of squares has no other terms, and is computed at once."""
+    """True if every value of an array [n] is finite. A finite sum has no other terms, and is computed at once."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return bool(np.isfinite(values @ values)) or bool(np.isfinite(values).all())
+        return bool(np.isfinite(values.sum())) or bool(np.isfinite(values).all())
 
 
 def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:

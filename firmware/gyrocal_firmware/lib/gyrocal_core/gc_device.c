@@ -1,7 +1,6 @@
 #include "gc_device.h"
 
 #include "gc_error.h"
-#include "gc_format.h"
 
 #include <math.h>
 #include <string.h>
@@ -15,19 +14,13 @@ static uint64_t now_us(const gc_device_t *d) {
     return d->config.port->now_us(d->config.port->context);
 }
 
-static bool is_recording(const gc_device_t *d) {
-    return d->state == GC_STATE_RECORDING;
-}
-
-/* The state stays the same if the trigger is refused. */
-static void enter(gc_device_t *d, gc_trigger_t trigger) {
-    const int next = gc_state_next(d->state, trigger);
-    d->state = next < 0 ? d->state : (gc_state_t)next;
+bool gc_device_is_recording(const gc_device_t *d) {
+    return d->recorder.state == GC_STATE_RECORDING;
 }
 
 /* ---- sentences ---- */
 
-void gc_device_hello(gc_device_t *d) {
+static void tell_hello(gc_device_t *d) {
     const gc_part_t *part = d->sampler.part;
     const gc_settings_t *settings = &d->settings.now;
     gc_sentence_t *s = gc_tell_begin(&d->teller, "HEL");
@@ -46,7 +39,7 @@ void gc_device_hello(gc_device_t *d) {
     gc_settings_field(s, settings, GC_SETTING_TABLE_DPS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TURN_DEG, d->config.parts);
     gc_sentence_text_cut(s, "cal", d->config.calibration != NULL ? d->config.calibration->name : NULL, NET_ROOM);
-    gc_sentence_text_cut(s, "net", d->pair.net.name, 0);
+    gc_sentence_text_cut(s, "net", d->recorder.pair.net.name, 0);
     gc_tell_end(&d->teller);
 }
 
@@ -54,8 +47,8 @@ static const char *waits_for(const gc_device_t *d) {
     if (!d->sampler.ready) {
         return "sensor";
     }
-    if (is_recording(d)) {
-        return d->run->automatic ? "unsteady" : "stop";
+    if (gc_device_is_recording(d)) {
+        return d->recorder.run->automatic ? "unsteady" : "stop";
     }
     if (!d->settings.now.automatic) {
         return "start";
@@ -63,7 +56,7 @@ static const char *waits_for(const gc_device_t *d) {
     if (!d->watch.armed) {
         return "unsteady";
     }
-    return d->state == GC_STATE_FLIP ? "flip" : "steady";
+    return d->recorder.state == GC_STATE_FLIP ? "flip" : "steady";
 }
 
 static void tell_load(const gc_device_t *d, gc_sentence_t *s) {
@@ -79,26 +72,26 @@ static void tell_load(const gc_device_t *d, gc_sentence_t *s) {
 
 static void begin_status(gc_device_t *d) {
     gc_sentence_t *s = gc_tell_begin(&d->teller, "STA");
-    gc_sentence_text(s, "state", gc_state_name(d->state));
-    gc_sentence_text(s, "face", is_recording(d) ? gc_face_name(d->run->face) : NULL);
-    gc_sentence_uint(s, "n", is_recording(d) ? d->run->n : 0u);
+    gc_sentence_text(s, "state", gc_state_name(d->recorder.state));
+    gc_sentence_text(s, "face", gc_device_is_recording(d) ? gc_face_name(d->recorder.run->face) : NULL);
+    gc_sentence_uint(s, "n", gc_device_is_recording(d) ? d->recorder.run->n : 0u);
     gc_sentence_uint(s, "lost", d->teller.lost);
     gc_sentence_uint(s, "stale", d->sampler.stale);
     gc_sentence_uint(s, "resets", d->sampler.resets);
     gc_sentence_uint(s, "missed", d->sampler.missed);
     gc_sentence_uint(s, "overruns", d->sampler.overruns);
-    gc_sentence_real(s, "misfit", d->verdict.misfit);
+    gc_sentence_real(s, "misfit", d->recorder.verdict.misfit);
     gc_sentence_text(s, "waits", waits_for(d));
     gc_sentence_real(s, "rate_dps", d->watch.rate_dps);
     gc_sentence_text(s, "gravity", d->watch.face != 0 ? gc_face_name(d->watch.face) : NULL);
-    if (d->run != NULL) {
-        gc_sentence_uint(s, "run_first", d->run->first);
-        gc_sentence_uint(s, "run_n", d->run->n);
+    if (d->recorder.run != NULL) {
+        gc_sentence_uint(s, "run_first", d->recorder.run->first);
+        gc_sentence_uint(s, "run_n", d->recorder.run->n);
     }
     tell_load(d, s);
 }
 
-void gc_device_status(gc_device_t *d) {
+static void tell_status(gc_device_t *d) {
     begin_status(d);
     gc_tell_end(&d->teller);
 }
@@ -106,7 +99,7 @@ void gc_device_status(gc_device_t *d) {
 /* A reader who missed the end of a run learns from these how many samples it had. */
 static void remind(gc_device_t *d) {
     const uint64_t now = now_us(d);
-    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || is_recording(d) || now < d->reminder_us) {
+    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || gc_device_is_recording(d) || now < d->reminder_us) {
         return;
     }
     begin_status(d);
@@ -116,51 +109,10 @@ static void remind(gc_device_t *d) {
     }
 }
 
-static void tell_teleplot(gc_device_t *d, const gc_sample_t *sample) {
-    char text[3 * (6 + GC_FORMAT_MAX)];
-    size_t n = 0;
-    for (int i = 0; i < 3; i++) {
-        text[n++] = '>';
-        text[n++] = 'g';
-        text[n++] = *gc_axis_name(i);
-        text[n++] = ':';
-        n += gc_format_real(d->sampler.sensor.lsb_dps * sample->gyro[i], text + n);
-        text[n++] = '\n';
-    }
-    (void)d->config.port->send(d->config.port->context, text, n);
-}
-
-static void tell_sample(gc_device_t *d, const gc_taken_t *taken) {
-    const gc_sample_t *sample = &taken->raw;
-    if (d->stream == GC_STREAM_OFF) {
-        return;
-    }
-    if (d->stream == GC_STREAM_TELEPLOT) {
-        tell_teleplot(d, sample);
-        return;
-    }
-    gc_sentence_t *s = gc_tell_begin_at(&d->teller, d->stream == GC_STREAM_RAW ? "RAW" : "GYR", taken->t_us);
-    gc_sentence_int(s, NULL, is_recording(d) ? (int64_t)d->run->n : -1);
-    if (d->stream == GC_STREAM_RAW) {
-        for (size_t i = 0; i < 3u; i++) {
-            gc_sentence_int(s, NULL, sample->gyro[i]);
-        }
-        for (size_t i = 0; i < 3u; i++) {
-            gc_sentence_int(s, NULL, sample->acc[i]);
-        }
-        gc_sentence_int(s, NULL, sample->temp);
-    } else {
-        for (unsigned i = 0; i < 3u; i++) {
-            gc_sentence_real(s, NULL, gc_kept_corrected(&d->kept, i, d->sampler.sensor.lsb_dps * sample->gyro[i]));
-        }
-    }
-    gc_tell_end(&d->teller);
-}
-
-void gc_device_show(gc_device_t *d) {
+static void show(gc_device_t *d) {
     static const gc_led_t of_state[GC_STATES] = {GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE};
-    gc_led_t led = of_state[d->state];
-    if (led == GC_LED_DONE && !d->verdict.trusted) {
+    gc_led_t led = of_state[d->recorder.state];
+    if (led == GC_LED_DONE && !d->recorder.verdict.trusted) {
         led = GC_LED_MISFIT;
     }
     if (d->config.port->led != NULL && (!d->led_known || led != d->led)) {
@@ -170,11 +122,11 @@ void gc_device_show(gc_device_t *d) {
     d->led_known = true;
 }
 
-/* ---- runs ---- */
+/* ---- store ---- */
 
 static bool may_store(const gc_device_t *d) {
     const gc_port_t *port = d->config.port;
-    return !is_recording(d) &&
+    return !gc_device_is_recording(d) &&
            (port->may_store == NULL || now_us(d) >= d->store_by_us || port->may_store(port->context));
 }
 
@@ -192,95 +144,44 @@ static void store_what_changed(gc_device_t *d) {
     }
 }
 
-void gc_device_save_results(gc_device_t *d) {
+static void save_results(gc_device_t *d) {
     d->results_changed = true;
     d->store_by_us = now_us(d) + STORE_WITHIN_US;
     store_what_changed(d);
 }
 
-void gc_device_save_settings(gc_device_t *d) {
+static void save_settings(gc_device_t *d) {
     d->settings_changed = true;
     d->store_by_us = now_us(d) + STORE_WITHIN_US;
     store_what_changed(d);
 }
 
-void gc_device_start(gc_device_t *d, int face, bool automatic) {
-    const gc_settings_t *settings = &d->settings.now;
-    const gc_sensor_t *sensor = &d->sampler.sensor;
-    gc_kept_end_dump(&d->kept); /* the windows of the dump are about to be overwritten */
-    if (fabs(gc_run_true_rate_dps(settings, face)) > 0.0) {
-        d->run = gc_pair_begin(&d->pair, settings, sensor, face, automatic, d->sampler.samples);
-    } else {
-        d->run = &d->alone;
-        gc_run_begin(d->run, settings, sensor, face, automatic, d->sampler.samples);
-    }
-    enter(d, GC_TRIGGER_START);
-    gc_run_tell(d->run, &d->teller, false, d->sampler.samples);
+/* ---- runs ---- */
+
+static void start(gc_device_t *d, int face, bool automatic) {
+    gc_recorder_begin(&d->recorder, &d->settings.now, &d->sampler.sensor, face, automatic, d->sampler.samples);
 }
 
-static void add_to_run(gc_device_t *d, const gc_taken_t *sample) {
-    bool clips;
-    if (d->run != &d->alone) {
-        clips = gc_pair_add(&d->pair, sample);
-    } else {
-        gc_run_advance(d->run, sample->t_us);
-        clips = gc_run_add(d->run, sample);
-    }
-    if (clips) {
-        gc_tell_error(&d->teller, GC_E_CLIPPED);
-    }
-}
-
-static void end_alone(gc_device_t *d) {
-    gc_run_end(d->run);
-    gc_run_tell_faults(d->run, &d->teller);
-    if (d->run->settings.turn_deg != 0.0) {
-        gc_rest_end_turn(&d->rest, d->run, &d->teller, &d->kept);
-    } else if (d->run->w_dps == 0.0) {
-        gc_rest_end(&d->rest, d->run, &d->teller, &d->kept, &d->verdict);
-    }
-}
-
-void gc_device_stop(gc_device_t *d) {
-    static const gc_trigger_t by_halves[] = {GC_TRIGGER_END_NONE, GC_TRIGGER_END_HALF, GC_TRIGGER_END_PAIR};
-    if (d->run == &d->alone) {
-        end_alone(d);
-    } else {
-        gc_pair_end(&d->pair);
-    }
-    enter(d, by_halves[gc_pair_halves(&d->pair)]);
-    gc_run_tell(d->run, &d->teller, true, d->sampler.samples);
+static void stop(gc_device_t *d) {
+    gc_recorder_end(&d->recorder, d->sampler.samples);
     d->reminders = REMINDERS;
     d->reminder_us = now_us(d) + REMINDER_US;
-    gc_device_save_results(d);
+    save_results(d);
 }
 
 static void forget_runs(gc_device_t *d) {
-    enter(d, GC_TRIGGER_FORGET);
-    d->run = NULL;
+    gc_recorder_forget(&d->recorder);
     d->reminders = 0;
-    gc_pair_forget(&d->pair);
-    memset(&d->rest, 0, sizeof d->rest);
-    d->verdict = (gc_verdict_t){.misfit = NAN};
-}
-
-void gc_device_forget(gc_device_t *d) {
-    forget_runs(d);
-    if (d->stream == GC_STREAM_CORRECTED) {
-        d->stream = GC_STREAM_OFF;
-    }
-    gc_kept_forget(&d->kept);
-    gc_device_save_results(d);
 }
 
 /* ---- samples ---- */
 
 static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const gc_watch_action_t action = gc_watch_look(&d->watch, &d->settings.now, &d->sampler.sensor, sample->t_us, &sample->raw);
-    if (action == GC_WATCH_STOP && is_recording(d) && d->run->automatic) {
-        gc_device_stop(d);
+    if (action == GC_WATCH_STOP && gc_device_is_recording(d) && d->recorder.run->automatic) {
+        stop(d);
     }
-    if (action == GC_WATCH_NOTHING || action == GC_WATCH_STOP || is_recording(d)) {
+    if (action == GC_WATCH_NOTHING || action == GC_WATCH_STOP || gc_device_is_recording(d)) {
         return;
     }
     if (action == GC_WATCH_OPPOSED) {
@@ -290,7 +191,7 @@ static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const int face = action == GC_WATCH_START_UP ? 1 : -1;
     const double w_dps = d->settings.now.table_dps * face;
     gc_watch_disarm(&d->watch);
-    gc_device_start(d, face, true);
+    start(d, face, true);
     if (fabs(d->watch.rate_dps - w_dps) > GC_TABLE_RATE_FRACTION * fabs(w_dps)) {
         gc_tell_error(&d->teller, GC_E_TABLE_RATE);
     }
@@ -303,17 +204,19 @@ static void take_samples(gc_device_t *d) {
         for (unsigned i = 0; i < n; i++) {
             gc_taken_t sample;
             gc_sampler_take(&d->sampler, i, &sample);
-            tell_sample(d, &sample);
-            if (is_recording(d)) {
-                add_to_run(d, &sample);
+            const int64_t number = gc_device_is_recording(d) ? (int64_t)d->recorder.run->n : -1;
+            gc_stream_tell(d->stream, &d->teller, &d->sampler.sensor, &d->kept, number, &sample);
+            if (gc_device_is_recording(d)) {
+                gc_recorder_add(&d->recorder, &sample);
             }
             watch_table(d, &sample);
-            gc_device_show(d);
+            show(d);
         }
     } while (gc_sampler_judge(&d->sampler));
 }
 
-void gc_device_empty_fifo(gc_device_t *d) {
+/* Takes the samples that the FIFO still holds, so that they come before a change. */
+static void empty_fifo(gc_device_t *d) {
     if (d->sampler.ready && d->settings.now.fifo > 0.0) {
         take_samples(d);
     }
@@ -321,7 +224,8 @@ void gc_device_empty_fifo(gc_device_t *d) {
 
 /* ---- the part ---- */
 
-const gc_part_t *gc_device_part(const gc_device_t *d, const gc_settings_t *settings) {
+/* The part that these settings name, or that is asked first for its id. */
+static const gc_part_t *part_of(const gc_device_t *d, const gc_settings_t *settings) {
     const gc_part_t *part = d->config.part != NULL ? d->config.part : gc_settings_part(settings, d->config.parts);
     part = part != NULL ? part : gc_part_at(d->config.parts, d->config.address);
     return part != NULL ? part : d->config.parts[0];
@@ -329,7 +233,7 @@ const gc_part_t *gc_device_part(const gc_device_t *d, const gc_settings_t *setti
 
 static void name_part(gc_device_t *d) {
     const bool told = d->config.part != NULL || d->settings.now.sensor > 0;
-    d->sampler.part = gc_device_part(d, &d->settings.now);
+    d->sampler.part = part_of(d, &d->settings.now);
     d->sampler.parts = told ? NULL : d->config.parts;
     d->sampler.other = false;
 }
@@ -345,8 +249,8 @@ static void fit_settings(gc_device_t *d) {
 
 /* Readings of two parts go neither into one run nor into one pair. */
 static void take_other_part(gc_device_t *d) {
-    if (is_recording(d)) {
-        gc_device_stop(d);
+    if (gc_device_is_recording(d)) {
+        stop(d);
     }
     forget_runs(d);
     d->sampler.other = false;
@@ -354,7 +258,8 @@ static void take_other_part(gc_device_t *d) {
     gc_sampler_begin_anew(&d->sampler);
 }
 
-void gc_device_begin_anew(gc_device_t *d) {
+/* After a change of settings: sets the sensor up, as another part if `sensor` has changed. */
+static void begin_anew(gc_device_t *d) {
     const gc_part_t *before = d->sampler.part;
     name_part(d);
     gc_sampler_begin_anew(&d->sampler);
@@ -363,26 +268,224 @@ void gc_device_begin_anew(gc_device_t *d) {
     }
     if (d->sampler.part != before) {
         forget_runs(d);
-        gc_device_hello(d);
+        tell_hello(d);
     }
 }
 
-int gc_device_self_test(gc_device_t *d) {
+/* ---- commands ---- */
+
+static void acknowledge(gc_device_t *d, const gc_command_t *command, const char *name, const char *value) {
+    gc_tell_ack(&d->teller, gc_command_name(command->kind), name, value);
+}
+
+static int do_hello(gc_device_t *d, const gc_command_t *command) {
+    acknowledge(d, command, NULL, NULL);
+    tell_hello(d);
+    return GC_OK;
+}
+
+static int do_status(gc_device_t *d, const gc_command_t *command) {
+    acknowledge(d, command, NULL, NULL);
+    tell_status(d);
+    return GC_OK;
+}
+
+static int do_start(gc_device_t *d, const gc_command_t *command) {
+    empty_fifo(d);
+    const int error = gc_recorder_allows(&d->recorder, GC_TRIGGER_START);
+    if (error != GC_OK) {
+        return error;
+    }
+    if (!d->sampler.ready) {
+        return GC_E_NOT_READY;
+    }
+    acknowledge(d, command, "face", gc_face_name(command->face));
+    start(d, command->face, false);
+    return GC_OK;
+}
+
+static int do_stop(gc_device_t *d, const gc_command_t *command) {
+    empty_fifo(d);
+    const int error = gc_recorder_allows(&d->recorder, GC_TRIGGER_END_NONE);
+    if (error != GC_OK) {
+        return error;
+    }
+    acknowledge(d, command, NULL, NULL);
+    gc_watch_disarm(&d->watch);
+    stop(d);
+    return GC_OK;
+}
+
+static int do_stream(gc_device_t *d, const gc_command_t *command) {
+    if (command->stream == GC_STREAM_CORRECTED && !gc_kept_has_correction(&d->kept)) {
+        return GC_E_NOT_CALIBRATED;
+    }
+    d->stream = command->stream;
+    acknowledge(d, command, "stream", gc_stream_name(d->stream));
+    return GC_OK;
+}
+
+static void tell_setting(gc_device_t *d, const gc_command_t *command) {
+    gc_sentence_t *s = gc_tell_begin(&d->teller, "ACK");
+    gc_sentence_text(s, "cmd", gc_command_name(command->kind));
+    gc_settings_field(s, &d->settings.now, command->setting, d->config.parts);
+    gc_tell_end(&d->teller);
+}
+
+static int do_get(gc_device_t *d, const gc_command_t *command) {
+    tell_setting(d, command);
+    return GC_OK;
+}
+
+/* Stores a changed setting, and sets the sensor up again if the setting concerns it. */
+static int do_set(gc_device_t *d, const gc_command_t *command) {
+    const gc_settings_t before = d->settings.now;
+    gc_settings_t settings = before;
+    int error = gc_settings_parse(&settings, command->setting, command->value, d->config.parts);
+    const gc_part_t *part = settings.sensor == before.sensor ? d->sampler.part : part_of(d, &settings);
+    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.address)) {
+        error = GC_E_ARGUMENT;
+    }
+    if (error == GC_OK) {
+        error = gc_settings_check(&settings, part);
+    }
+    if (error != GC_OK) {
+        return error;
+    }
+    d->settings.now = settings;
+    tell_setting(d, command);
+    save_settings(d);
+    if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
+        settings.fifo != before.fifo) {
+        gc_sampler_begin_anew(&d->sampler);
+    }
+    if (settings.sensor != before.sensor) {
+        begin_anew(d);
+    }
+    if (command->setting == GC_SETTING_AUTO) {
+        gc_watch_arm(&d->watch);
+    }
+    return GC_OK;
+}
+
+static int do_reset(gc_device_t *d, const gc_command_t *command) {
+    const int error = gc_recorder_allows(&d->recorder, GC_TRIGGER_FORGET);
+    if (error != GC_OK) {
+        return error;
+    }
+    acknowledge(d, command, NULL, NULL);
+    forget_runs(d);
+    if (d->stream == GC_STREAM_CORRECTED) {
+        d->stream = GC_STREAM_OFF;
+    }
+    gc_kept_forget(&d->kept);
+    save_results(d);
+    return GC_OK;
+}
+
+static int do_dump(gc_device_t *d, const gc_command_t *command) {
+    gc_kept_begin_dump(&d->kept);
+    gc_sentence_t *s = gc_tell_begin(&d->teller, "ACK");
+    gc_sentence_text(s, "cmd", gc_command_name(command->kind));
+    gc_sentence_uint(s, "lines", d->kept.dump_lines);
+    gc_tell_end(&d->teller);
+    return GC_OK;
+}
+
+static int do_undo(gc_device_t *d, const gc_command_t *command) {
+    const int axis = gc_kept_undo(&d->kept);
+    if (axis < 0) {
+        return axis;
+    }
+    acknowledge(d, command, "axis", gc_axis_name(axis));
+    save_results(d);
+    return GC_OK;
+}
+
+static void tell_self_test(gc_device_t *d, const gc_self_test_t *result) {
+    static const char *const names[] = {"x_dps", "y_dps", "z_dps"};
+    gc_sentence_t *s = gc_tell_begin(&d->teller, "TST");
+    gc_sentence_uint(s, "passed", result->passed ? 1u : 0u);
+    for (unsigned i = 0; i < 3u; i++) {
+        gc_sentence_real(s, names[i], result->change_dps[i]);
+    }
+    gc_sentence_real(s, "least_dps", result->least_dps);
+    gc_sentence_real(s, "most_dps", result->most_dps);
+    gc_tell_end(&d->teller);
+}
+
+static int do_selftest(gc_device_t *d, const gc_command_t *command) {
+    if (!d->sampler.ready) {
+        return GC_E_NOT_READY;
+    }
+    if (d->sampler.part->self_test == NULL) {
+        return GC_E_NO_SELF_TEST;
+    }
+    acknowledge(d, command, NULL, NULL);
     gc_self_test_t result;
     const int error = gc_sensor_self_test(&d->sampler.sensor, &result);
     if (error == GC_OK) {
-        static const char *const names[] = {"x_dps", "y_dps", "z_dps"};
-        gc_sentence_t *s = gc_tell_begin(&d->teller, "TST");
-        gc_sentence_uint(s, "passed", result.passed ? 1u : 0u);
-        for (unsigned i = 0; i < 3u; i++) {
-            gc_sentence_real(s, names[i], result.change_dps[i]);
-        }
-        gc_sentence_real(s, "least_dps", result.least_dps);
-        gc_sentence_real(s, "most_dps", result.most_dps);
-        gc_tell_end(&d->teller);
+        tell_self_test(d, &result);
     }
     gc_sampler_begin_anew(&d->sampler);
     return error;
+}
+
+static int do_reboot(gc_device_t *d, const gc_command_t *command) {
+    if (d->config.port->restart == NULL) {
+        return GC_E_COMMAND;
+    }
+    if (gc_device_is_recording(d)) {
+        return GC_E_RECORDING;
+    }
+    acknowledge(d, command, NULL, NULL);
+    d->config.port->restart(d->config.port->context);
+    return GC_OK;
+}
+
+static const struct {
+    int (*act)(gc_device_t *d, const gc_command_t *command);
+    bool between_runs; /* refused while a run goes on */
+} commands[GC_COMMANDS] = {
+    [GC_COMMAND_HELLO] = {do_hello, false},
+    [GC_COMMAND_STATUS] = {do_status, false},
+    [GC_COMMAND_START] = {do_start, false},
+    [GC_COMMAND_AUTO] = {do_set, false},
+    [GC_COMMAND_STOP] = {do_stop, false},
+    [GC_COMMAND_STREAM] = {do_stream, false},
+    [GC_COMMAND_SET] = {do_set, true},
+    [GC_COMMAND_GET] = {do_get, false},
+    [GC_COMMAND_RESET] = {do_reset, false},
+    [GC_COMMAND_DUMP] = {do_dump, true},
+    [GC_COMMAND_UNDO] = {do_undo, true},
+    [GC_COMMAND_SELFTEST] = {do_selftest, true},
+    [GC_COMMAND_REBOOT] = {do_reboot, false},
+};
+
+static int obey(gc_device_t *d, const gc_command_t *command) {
+    if (commands[command->kind].between_runs && gc_device_is_recording(d)) {
+        return GC_E_RECORDING;
+    }
+    if (command->error != GC_OK || command->kind == GC_COMMAND_NONE) {
+        return command->error;
+    }
+    return commands[command->kind].act(d, command);
+}
+
+static void hear(gc_device_t *d, char byte) {
+    const int got = gc_line_push(&d->reader, byte);
+    if (got == 0) {
+        return;
+    }
+    int error = got;
+    if (got > 0) {
+        const gc_command_t command = gc_command_read(d->reader.line, d->reader.n);
+        error = obey(d, &command);
+    }
+    if (error != GC_OK) {
+        gc_tell_error(&d->teller, error);
+    }
+    show(d);
 }
 
 /* ---- the loop ---- */
@@ -390,10 +493,9 @@ int gc_device_self_test(gc_device_t *d) {
 void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
     memset(d, 0, sizeof *d);
     d->config = *config;
-    d->verdict.misfit = NAN;
     const int error = config->calibration != NULL ? gc_estimator_check(config->calibration) : GC_OK;
     gc_teller_init(&d->teller, config->port, config->imu);
-    gc_commands_init(&d->commands);
+    gc_line_reader_init(&d->reader, d->line, sizeof d->line);
     gc_settings_default(&d->settings.now, config->calibration);
     gc_settings_load(&d->settings, config->port, config->parts);
     gc_sampler_init(&d->sampler, &d->teller, &d->settings.now, config->part, config->address);
@@ -402,22 +504,22 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
         fit_settings(d);
     }
     gc_watch_init(&d->watch);
-    gc_pair_init(&d->pair, &d->teller, &d->kept, &d->verdict, error == GC_OK ? config->calibration : NULL, config->net);
-    gc_kept_load(&d->kept, config->port, d->pair.net.identity);
+    gc_recorder_init(&d->recorder, &d->teller, &d->kept, error == GC_OK ? config->calibration : NULL, config->net);
+    gc_kept_load(&d->kept, config->port, d->recorder.pair.net.identity);
     gc_sampler_set_up(&d->sampler);
     if (d->sampler.other) {
         take_other_part(d);
     }
-    gc_device_hello(d);
+    tell_hello(d);
     if (error != GC_OK) {
         gc_tell_error(&d->teller, error);
     }
-    gc_device_show(d);
+    show(d);
 }
 
 void gc_device_receive(gc_device_t *d, const char *data, size_t n) {
     for (size_t i = 0; i < n; i++) {
-        gc_commands_hear(d, data[i]);
+        hear(d, data[i]);
     }
 }
 
@@ -427,7 +529,7 @@ void gc_device_step(gc_device_t *d) {
     store_what_changed(d);
     if (d->sampler.other) {
         take_other_part(d);
-        gc_device_hello(d);
+        tell_hello(d);
     }
     if (gc_sampler_wait(&d->sampler)) {
         const uint64_t began_us = now_us(d);

@@ -7,23 +7,21 @@
  *     }
  *
  * All three must be called from one task. PROTOCOL.md describes sentences and commands. Each member of gc_device_t except the
- * last few belongs to a separate module; gc_device.c connects them.
+ * last few belongs to a module below this one; gc_device.c connects them and carries out the commands.
  */
 #ifndef GC_DEVICE_H
 #define GC_DEVICE_H
 
 #include "gc_calibration.h"
 #include "gc_cnn.h"
-#include "gc_commands.h"
+#include "gc_command.h"
 #include "gc_kept.h"
-#include "gc_pair.h"
 #include "gc_port.h"
-#include "gc_rest.h"
-#include "gc_run.h"
+#include "gc_recorder.h"
 #include "gc_sampler.h"
 #include "gc_sensor.h"
 #include "gc_settings.h"
-#include "gc_state.h"
+#include "gc_stream.h"
 #include "gc_tell.h"
 #include "gc_watch.h"
 
@@ -47,12 +45,11 @@ typedef struct {
     const gc_cnn_net_t *net;             /* may be NULL */
 } gc_device_config_t;
 
-typedef enum { GC_STREAM_OFF, GC_STREAM_RAW, GC_STREAM_TELEPLOT, GC_STREAM_CORRECTED } gc_stream_t;
-
-typedef struct gc_device {
+typedef struct {
     gc_device_config_t config;
     gc_teller_t teller;
-    gc_commands_t commands;
+    gc_line_reader_t reader; /* of commands */
+    char line[GC_COMMAND_MAX];
     gc_kept_settings_t settings;
     bool settings_changed; /* not stored yet, because of a run: of this device, or of another of the board */
     bool results_changed;  /* likewise */
@@ -60,13 +57,8 @@ typedef struct gc_device {
     gc_kept_t kept;
     gc_sampler_t sampler;
     gc_watch_t watch;
-    gc_pair_t pair;
-    gc_rest_t rest;
-    gc_run_t alone; /* the run without a partner: at rest, or of known angle, or of unknown rate */
+    gc_recorder_t recorder;
 
-    gc_state_t state;
-    gc_run_t *run; /* the current or the last run, alone or of the pair; NULL = none yet */
-    gc_verdict_t verdict; /* verdict on the last answer */
     gc_stream_t stream;
     uint32_t slowest_us;  /* the longest time from a sample's turn until all was done with it */
     unsigned reminders;   /* number of $STA that still follow the end of the last run, */
@@ -80,26 +72,8 @@ typedef struct gc_device {
 void gc_device_init(gc_device_t *device, const gc_device_config_t *config);
 void gc_device_receive(gc_device_t *device, const char *data, size_t n);
 void gc_device_step(gc_device_t *device);
-
-/* The functions from here on serve gc_commands.c. */
-void gc_device_hello(gc_device_t *device);
-void gc_device_status(gc_device_t *device);
-/* Takes the samples that the FIFO still holds, so that they come before a change. */
-void gc_device_empty_fifo(gc_device_t *device);
-/* Starts or stops a run, or forgets runs and results. The caller has checked that the state allows it. */
-void gc_device_start(gc_device_t *device, int face, bool automatic);
-void gc_device_stop(gc_device_t *device);
-void gc_device_forget(gc_device_t *device);
-/* Runs the part's own test, tells its result and sets the part up again. */
-int gc_device_self_test(gc_device_t *device);
-/* Save to flash, at once or after the runs that go on: flash is written between runs only. */
-void gc_device_save_settings(gc_device_t *device);
-void gc_device_save_results(gc_device_t *device);
-void gc_device_show(gc_device_t *device);
-/* The part that these settings name, or that is asked first for its id. */
-const gc_part_t *gc_device_part(const gc_device_t *device, const gc_settings_t *settings);
-/* After a change of settings: sets the sensor up, as another part if `sensor` has changed. */
-void gc_device_begin_anew(gc_device_t *device);
+/* Returns whether a run goes on, so that a board with several devices knows when it may write its flash. */
+bool gc_device_is_recording(const gc_device_t *device);
 
 #ifdef __cplusplus
 }

@@ -19,6 +19,7 @@ from gyrocal.diagnosis.residual.angles import Angles, by_angle
 from gyrocal.diagnosis.residual.bounded_noise import bounded
 from gyrocal.diagnosis.residual.drawn_size import described, described_again, drawn_power, most_visible, variance
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.judged import Judged
 from gyrocal.diagnosis.residual.levels import (
     Cleaned,
     Floor,
@@ -49,7 +50,6 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.register import FIRST_S, registered
 from gyrocal.recording.registration import ReferenceParameter
 from gyrocal.recording.session import AXES, Session
-from gyrocal.shown import Shown
 from gyrocal.threads import each, one_thread
 from gyrocal.warning import Warning
 
@@ -57,7 +57,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Comparison(Shown):
+class Comparison(Judged):
     """Comparison of a model with a session. ``fit`` has the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
@@ -118,16 +118,9 @@ class Comparison(Shown):
         return plausibility.unsure(self.warnings, AXES)
 
     @property
-    def implausible(self) -> bool:
-        """True if a blocking warning applies to the session's own axis."""
-        return any(w.blocks(self.fit.session.axis) for w in self.warnings)
-
-    @property
-    def verdict(self) -> str:
-        """``implausible``, ``misfit`` or ``adequate``."""
-        if self.implausible:
-            return "implausible"
-        return "misfit" if self.where else "adequate"
+    def own_axis(self) -> str:
+        """The session's axis."""
+        return self.fit.session.axis
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -139,17 +132,10 @@ class Comparison(Shown):
                 for axis, level in self.per_axis.items()
             },
             "verdict": self.verdict,
-            "where": [
-                {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note}
-                for f in self.where
-            ],
+            "where": self.where_json(),
             "held_out": self.held_out,
             "note": self.note,
-            "parameters": [
-                {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
-                for line in self.fit.model.lines()
-                for name, value in line.values.items()
-            ] + [
+            "parameters": self.fit.model.values_json() + [
                 {"effect": p.effect, "axis": None, "name": p.name, "value": p.value, "se": p.se}
                 for p in self.registration
             ],

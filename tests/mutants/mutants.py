@@ -1,0 +1,203 @@
+"""Careless edits that the tests ought to catch: draws some, runs the tests of each one's folder, and shows those that survive.
+
+    python tests/mutants/mutants.py                                    # `make mutants`: ten of everything below
+    python tests/mutants/mutants.py --folders noise core -n 30 --seed 2 --out mutants.jsonl
+    python tests/mutants/mutants.py --out mutants.jsonl --again        # after a mend: those that survived there
+    python tests/mutants/mutants.py --folders inference -- -m "not slow"
+
+A folder is one of FOLDERS, or `core`, the C core, and its tests are those of the folder in tests/ with its name. They run in a
+copy of the tree, without an edit first: a folder whose tests fail by themselves is refused, and an edit with which they take
+far longer is caught, for it hangs. With --out, what was judged before is not judged again. mutmut and cosmic-ray know no C, run
+one command for all files, and draw no sample by a seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import hashlib
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from mutant_edits import Edit, c_edits, python_edits
+
+ROOT = Path(__file__).resolve().parents[2]
+HOST, CORE = Path("host/gyrocal"), Path("firmware/gyrocal_firmware/lib/gyrocal_core")
+FOLDERS = ("recording", "noise", "effects", "inference", "plausibility", "evidence", "diagnosis", "calibration", "fleet")
+TIMES_LONGER, AND_S = 3.0, 60.0
+"""An edit is caught if its tests take this many times as long as without it, and this much more."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A file with one edit, named so that the same edit of the same text has the same name."""
+
+    file: str
+    folder: str
+    edit: Edit
+
+    @property
+    def key(self) -> str:
+        return hashlib.sha256(f"{self.file}\n{self.text}".encode()).hexdigest()[:16]
+
+    @property
+    def text(self) -> str:
+        return self.edit.of((ROOT / self.file).read_text(encoding="utf-8"))
+
+    @property
+    def diff(self) -> str:
+        before = (ROOT / self.file).read_text(encoding="utf-8").splitlines(keepends=True)
+        return "".join(difflib.unified_diff(before, self.text.splitlines(keepends=True), self.file, self.edit.kind, n=1))
+
+    def compiles(self) -> bool:
+        if self.file.endswith(".py"):
+            try:
+                compile(self.text, self.file, "exec")
+            except SyntaxError:
+                return False
+            return True
+        command = ["cc", "-std=c99", "-fsyntax-only", "-w", f"-I{ROOT / CORE}", "-x", "c", "-"]
+        return subprocess.run(command, input=self.text.encode(), capture_output=True).returncode == 0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A mutant and what the tests said of it: caught or survived."""
+
+    key: str
+    file: str
+    folder: str
+    kind: str
+    result: str
+    seconds: float
+    tests: list[str]
+    diff: str
+
+
+def mutants(folders: list[str]) -> list[Mutant]:
+    """Every mutant of the folders."""
+    found = []
+    for folder in folders:
+        source, suffix, edits = (CORE, ".c", c_edits) if folder == "core" else (HOST / folder, ".py", python_edits)
+        for path in sorted((ROOT / source).rglob(f"*{suffix}")):
+            name = str(path.relative_to(ROOT))
+            found += [Mutant(name, folder, edit) for edit in edits(path.read_text(encoding="utf-8"))]
+    return found
+
+
+def draw(every: list[Mutant], n: int, seed: int) -> Iterator[Mutant]:
+    """``n`` of them that compile."""
+    order = random.Random(seed).sample(every, len(every))
+    drawn = 0
+    for mutant in order:
+        if drawn == n:
+            return
+        if mutant.compiles():
+            drawn += 1
+            yield mutant
+
+
+class Tree:
+    """A copy of what git knows of the tree, in which files are edited and tests run."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+        listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for name in filter(None, listed.split("\0")):
+            if (ROOT / name).is_file():
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, root / name)
+
+    def tested(self, folder: str, pytest: list[str], limit_s: float | None = None) -> tuple[bool, float, str]:
+        """Whether the folder's tests pass within the limit, the seconds, and the end of their output."""
+        paths = os.pathsep.join(str(self.root / name) for name in ("host", "firmware", "model_export"))
+        # a byte code of the text before the edit would be taken for that of the text after it: same size, same second
+        own = {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", f"tests/{folder}", *pytest]
+        start_s = time.monotonic()
+        process = subprocess.Popen(
+            command, cwd=self.root, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            output = process.communicate(timeout=limit_s)[0]
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            output = process.communicate()[0]
+        except KeyboardInterrupt:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+        return process.returncode == 0, time.monotonic() - start_s, output[-3000:]
+
+    def judge(self, mutant: Mutant, pytest: list[str], alone_s: float) -> Judged:
+        """Run the tests with the mutant in the place of its file."""
+        place = self.root / mutant.file
+        place.write_text(mutant.text, encoding="utf-8")
+        try:
+            passed, seconds, _ = self.tested(mutant.folder, pytest, TIMES_LONGER * alone_s + AND_S)
+        finally:
+            shutil.copy2(ROOT / mutant.file, place)
+        result = "survived" if passed else "caught"
+        return Judged(mutant.key, mutant.file, mutant.folder, mutant.edit.kind, result, round(seconds, 1), pytest, mutant.diff)
+
+
+def read(path: Path | None) -> dict[str, Judged]:
+    """What was judged before, by the mutant's key."""
+    if path is None or not path.is_file():
+        return {}
+    rows = (Judged(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines())
+    return {row.key: row for row in rows}
+
+
+def chosen(options: argparse.Namespace, before: dict[str, Judged]) -> list[Mutant]:
+    """The mutants to judge: those of a draw that are new, or the survivors of before."""
+    every = mutants(options.folders)
+    if options.again:
+        survivors = {key: row for key, row in before.items() if row.result == "survived"}
+        files = {row.file for row in survivors.values()}
+        return [mutant for mutant in every if mutant.file in files and mutant.key in survivors]
+    return [mutant for mutant in draw(every, options.n, options.seed) if mutant.key not in before]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--folders", nargs="+", default=[*FOLDERS, "core"], choices=[*FOLDERS, "core"])
+    parser.add_argument("-n", type=int, default=10, help="how many are drawn")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, help="a file of JSON lines, which is read first and added to")
+    parser.add_argument("--again", action="store_true", help="judge the survivors of --out again instead of a draw")
+    parser.add_argument("pytest", nargs="*", help="after --: what pytest takes, such as -m 'not slow'")
+    options = parser.parse_args()
+    before = read(options.out)
+    todo = sorted(chosen(options, before), key=lambda mutant: mutant.folder)
+    survived = [row for row in before.values() if row.result == "survived" and not options.again]
+    with TemporaryDirectory() as folder:
+        tree, alone = Tree(Path(folder)), dict[str, float]()
+        for mutant in todo:
+            if mutant.folder not in alone:
+                passed, alone[mutant.folder], output = tree.tested(mutant.folder, options.pytest)
+                if not passed:
+                    sys.exit(f"{output}\ntests/{mutant.folder} fails without an edit: mend that first")
+            row = tree.judge(mutant, options.pytest, alone[mutant.folder])
+            if options.out is not None:
+                with options.out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(row)) + "\n")
+            survived += [row] if row.result == "survived" else []
+            print(f"{row.result:9}{row.seconds:7.1f} s  {row.file}: {row.kind}", flush=True)
+            print(row.diff if row.result == "survived" else "", end="", flush=True)
+    print(f"{len(todo)} judged now, {len(before)} before; {len(survived)} survived")
+
+
+if __name__ == "__main__":
+    main()
