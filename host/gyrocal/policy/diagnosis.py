@@ -268,6 +268,11 @@ class Diagnosis:
         larger="a vibration of the same frequency is taken for it", smaller="the line of rectified vibration stays unknown",
         chosen_by="a delay of half a period makes it 2, a second-order low-pass 1.27; pytest tests/diagnosis/test_physics.py",
     )  # fmt: skip
+    late_repeats: float = threshold(
+        1.5, "delay over the mean age of repeated readings up to which these are its cause",
+        larger="a delay beside many repeated readings is not named", smaller="repeated readings are named a delay as well",
+        chosen_by="fits of repeated readings find 0.8 to 1.0; pytest tests/diagnosis/test_repeated_readings.py",
+    )  # fmt: skip
     most_parts: int = threshold(
         8, "largest number of parts of a run in which the phase of a tone is compared, of at least four periods each",
         larger="each part knows the phase of a weak tone less well", smaller="a resonance keeps its phase over a part of a run",

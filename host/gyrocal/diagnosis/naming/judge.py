@@ -87,11 +87,10 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
     unseen = not effect.observable(term.values, current.runs)
-    repeats = effect.repeats(term.values, current.runs, current.index, known)
-    if chance > unless or unseen or repeats:
+    another = unseen or effect.repeats(term.values, current.runs, current.index, known)
+    if chance > unless or another:
         return Candidate(
-            effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters,
-            contradicted=unseen or repeats,
+            effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=another
         )  # fmt: skip
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)
