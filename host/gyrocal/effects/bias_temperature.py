@@ -57,7 +57,7 @@ class BiasTemperature(Effect):
         return run.temp_c is None
 
     def unmeasured(self, run: Run, axis: int) -> Array | None:
-        """A temperature that hardly moves tells no size, but a large coefficient may be what the readings follow in the run.
+        """The temperature [n] about its mean: it hardly moves, but with a large coefficient the readings may follow it.
 
         Between the runs, the spread of the bias from one power cycle to the next hides it.
         """
