@@ -1,6 +1,7 @@
 """Sessions with runs of which only the net angle is known are judged by angle."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -10,6 +11,7 @@ from gyrocal import api
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.answer.explain import explain
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import AXES, Run, Session
@@ -96,3 +98,58 @@ def test_what_one_turn_suggests_is_told_with_what_would_prove_it() -> None:
 def test_the_summary_in_python_gives_the_angles_too() -> None:
     found = api.compare(session(0))
     assert f"rms {found.to_json()['rms_deg']:.4f} deg" in found.summary()
+
+
+def by_hand(seed: int, *, error_deg: float = 0.3, per_c: float = 0.0, last_dps: float = 0.0) -> Session:
+    """Fifteen turns in three power cycles, whose stated angles are ``error_deg`` off; the bias of y follows the temperature.
+
+    ``last_dps`` is an offset of y in the last turn alone, which no effect describes.
+    """
+    rng = np.random.default_rng([7, seed])
+    runs = []
+    for k in range(15):
+        seconds = rng.uniform(6, 12)
+        t_s = np.arange(round(100 * seconds)) / 100
+        axis, turn_deg = AXES[k % 3], float(rng.choice([180, 360, -360, 720]))
+        part = np.clip((t_s / seconds - 0.2) / 0.6, 0, 1)
+        rate = 1 - np.cos(2 * np.pi * part)
+        rate *= (turn_deg + rng.normal(0, error_deg)) / rate.sum() * 100
+        gyro = rng.normal(np.array([1.0, -2.0, 0.5]), 0.05, (t_s.size, 3))
+        gyro[:, AXES.index(axis)] += 1.01 * rate
+        temp_c = 22.0 + 0.7 * ((7 * k) % 15)
+        gyro[:, 1] += per_c * (temp_c - 25) + last_dps * (k == 14)
+        seen_c = temp_c + rng.normal(0, 0.01, t_s.size)
+        run = make_run(t_s, gyro, axis=axis, scenario=f"s{k // 5}", turn_deg=turn_deg, temp_c=seen_c)
+        runs.append(replace(run, turn_se_deg=error_deg))
+    return make_session(*runs)
+
+
+def test_the_stated_error_of_turns_is_in_the_floor_of_their_angles() -> None:
+    """The floor was that of the white noise alone, and the excess of turns by hand up to 160 of its errors."""
+    found = [measure(by_hand(seed)) for seed in range(12)]
+    assert [c.verdict for c in found] == ["adequate"] * len(found)
+    levels = [c.angles.level(axis) for c in found if c.angles is not None for axis in AXES]
+    rms, floor = (np.array([getattr(level, name) for level in levels]) for name in ("rms_deg", "floor_deg"))
+    assert np.sum(rms**2) == pytest.approx(np.sum(floor**2), rel=0.35)
+    assert floor.mean() > 0.3 / np.sqrt(3)  # a third of the turns is about the axis
+
+
+def test_an_excess_of_the_angles_beyond_its_errors_is_a_misfit() -> None:
+    """The model was adequate beside an excess of 130 errors, because no test of rates sees net angles."""
+    found = measure(by_hand(1, last_dps=0.3))
+    assert found.verdict == "misfit"
+    assert [f.axis for f in found.where] == ["y"]
+    assert "than noise leaves" in found.where[0].note
+    level = found.angles and found.angles.level("y")
+    assert level
+    assert level.excess_deg > 3 * level.excess_se_deg
+
+
+def test_turns_name_what_their_errors_do_not_explain_and_nothing_else() -> None:
+    """The error of a turn shrank with the noise that a term explained, so that scatter of turns was named g-sensitivity."""
+    warm = diagnose(by_hand(2, per_c=0.013))
+    assert [(c.effect.id, c.axis) for c in warm.candidates if c.decision == "add"] == [("bias_temperature", "y")]
+    named = warm.candidates[0]
+    assert abs(named.values["k1_dps_per_c"] - 0.013) < 4 * named.se["k1_dps_per_c"]
+    for seed in range(3):
+        assert not [c for c in diagnose(by_hand(20 + seed)).candidates if c.decision == "add"]

@@ -210,3 +210,67 @@ def test_what_a_better_one_explains_is_not_named_beside_it() -> None:
         runs.append(make_run(t_s, gyro, table_rate_dps=rate, scenario=f"s{cycle}", day=1 + cycle % 3, rate_hz=RATE_HZ))
     named = {c.effect.id for c in diagnose(make_session(*runs)).candidates if c.decision == "add"}
     assert named == {"vibration_tone", "scale_asymmetry"}
+
+
+def turned(wave: Callable[[Array], Array]) -> Session:
+    """Ten runs of almost nine turns at 78 deg/s with an error over the table's angle, radians, that begins anywhere."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(round(40 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for k in range(10):
+        face = "down" if k % 2 else "up"
+        rate_dps = -78.0 if k % 2 else 78.0
+        gyro = rng.normal(rng.normal(0, 0.005, 3), 0.03, (t_s.size, 3))
+        gyro[:, 2] += rate_dps + wave(np.deg2rad(78.0 * t_s + rng.uniform(0, 360)))
+        runs.append(make_run(t_s, gyro, scenario=f"s{k // 2}", rate_hz=RATE_HZ, face=face))
+    return make_session(*runs)
+
+
+def harmonics(sizes_dps: dict[float, float]) -> Callable[[Array], Array]:
+    def wave(angle: Array) -> Array:
+        return np.sum([size * np.cos(k * angle + 2.0 * k * k) for k, size in sizes_dps.items()], axis=0)
+
+    return wave
+
+
+@pytest.mark.parametrize("width_deg", [8.0, 15.0])
+def test_a_pulse_once_a_turn_is_no_ripple_and_its_harmonics_are_no_vibration(width_deg: float) -> None:
+    """A magnet beside the table has lines at many whole numbers per turn; a ripple of four orders took the first of them."""
+
+    def pulse(angle: Array) -> Array:
+        return np.asarray(0.1 * np.exp(-0.5 * ((np.mod(np.rad2deg(angle), 360) - 180) / width_deg) ** 2))
+
+    found = diagnose(turned(pulse))
+    assert found.verdict == "unknown"
+    assert found.unknown is not None
+    assert found.unknown["against"] in ("table_angle", "order")
+    assert [c.effect.id for c in found.candidates if c.decision in ("add", "suggest")] == []
+
+
+@pytest.mark.parametrize("sizes_dps", [dict.fromkeys((1, 2, 3, 4), 0.02), {1: 0.03, 5: 0.03}])
+def test_a_ripple_of_many_orders_is_named_also_beside_the_teeth_of_a_gear(sizes_dps: dict[float, float]) -> None:
+    found = diagnose(turned(harmonics(sizes_dps)))
+    assert "table_ripple" in [c.effect.id for c in found.candidates if c.named]
+
+
+def test_a_vibration_between_the_orders_is_named_beside_a_ripple() -> None:
+    """Its frequency is no whole number per turn, also where the table turns at one rate only."""
+    found = diagnose(turned(harmonics({1: 0.03, 7.4: 0.03})))
+    assert {c.effect.id for c in found.candidates if c.decision == "add"} >= {"table_ripple", "vibration_tone"}
+
+
+def test_a_course_that_repeats_in_each_run_is_not_taken_for_a_drift() -> None:
+    """A drift of four seconds was fitted to a sawtooth of ten periods a run, and the model was adequate beside it."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(round(83 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for k in range(5):
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.045, (t_s.size, 3))
+        gyro[:, 2] += 0.087 * (np.mod(t_s / 8.45, 1.0) - 0.5)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=RATE_HZ))
+    found = measure(make_session(*runs))
+    assert (found.where[0].axis, found.where[0].against) == ("z", "time")
+    assert "in the same course in each run" in found.where[0].note
+    # cosines of 48 half periods hold two harmonics of the sawtooth, whose powers fall as 1/k^2
+    expected_dps = 0.087 / np.sqrt(12) * np.sqrt((1 + 1 / 4) / (np.pi**2 / 6))
+    assert found.where[0].amplitude_dps / np.sqrt(2) == pytest.approx(expected_dps, rel=0.05)

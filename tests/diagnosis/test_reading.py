@@ -126,7 +126,7 @@ def test_coarse_counts_that_stay_longest_at_the_largest_value_are_not_clipped() 
     fault = effect("saturation").fault
     assert fault is not None
     for runs in (made[:1], made):
-        assert all(found is None or found.chance > 1e-4 for found in (fault._constant(runs, axis) for axis in range(3)))  # type: ignore[attr-defined]
+        assert all(found is None or found.chance > 1e-4 for found in (fault.constant(runs, axis) for axis in range(3)))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("seed", range(4))

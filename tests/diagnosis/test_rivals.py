@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.naming.candidate import Candidate, Decision
 from gyrocal.diagnosis.naming.decision import meets
 from gyrocal.diagnosis.naming.gains import total
@@ -83,3 +84,27 @@ def test_a_line_that_no_slow_effect_can_make_does_not_hide_one(hz: float, named:
     curve = candidate("scale_nonlinearity", "suggest", [300.0, 290.0, 310.0], 1)
     compared = SimpleNamespace(where=[line], fit=fit(make_session(make_run(np.arange(200) / 20)), Model.builtin("default")))
     assert meets(curve, compared) is named  # type: ignore[arg-type]
+
+
+def warming(course_c: np.ndarray) -> Candidate:
+    """The first candidate of rests whose bias drifts with the time in the run, beside a temperature in the same room."""
+    rng = np.random.default_rng(4)
+    t_s = np.arange(40 * 50) / 50
+    runs = []
+    for k in range(6):
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
+        gyro[:, 2] += 0.0014 * t_s
+        temp_c = 31.5 + 0.04 * k + course_c + rng.normal(0, 0.005, t_s.size)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=50.0, temp_c=temp_c))
+    return diagnose(make_session(*runs)).candidates[0]
+
+
+def test_a_temperature_that_moves_too_little_to_be_measured_is_a_rival_all_the_same() -> None:
+    """A drift was named with certainty beside a temperature of the same course, whose effect could not be measured."""
+    t_s = np.arange(40 * 50) / 50
+    found = warming(0.01 * t_s)
+    assert found.decision == "add"
+    assert set(found.group) == {"drift", "bias_temperature"}
+    apart = warming(0.2 * np.sin(t_s / 3))
+    assert apart.effect.id == "drift"
+    assert apart.named

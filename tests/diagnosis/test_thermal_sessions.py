@@ -12,6 +12,7 @@ from gyrocal.diagnosis.naming.sets import fitted_together
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects.base import effect
+from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.drift import ou_noise
@@ -149,3 +150,35 @@ def test_a_model_with_temperature_gives_runs_without_it_a_bias_of_their_own():
 def test_without_an_effect_none_is_named(seed, lacking):
     for climate, mean_c in ((one_way, 45.0), (chamber, 25.0)):
         assert diagnose(thermal(seed, climate, mean_c, k1=0.0, lacking=lacking)).verdict == "adequate"
+
+
+def ramps(start, seconds=120.0, rate_hz=25.0):
+    """A rest in each of six power cycles, in which the chamber warms or cools by 12 degC."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(round(seconds * rate_hz)) / rate_hz
+    made = []
+    for i in range(6):
+        temp_c = 25.0 + rng.normal(0, 1.0) + (1 if i % 2 == 0 else -1) * 12.0 * (t_s / seconds - 0.5)
+        y = rng.normal(0.4, 0.05, (t_s.size, 3)) + rng.normal(0, 0.03, 3)
+        y[:, 2] += 0.05 * (temp_c - play_c(temp_c, 2.5, start)) / 2.5
+        made.append(make_run(
+            t_s, np.rint(y / 0.00875) * 0.00875, table_rate_dps=0.0, scenario=f"s{i}", day=1 + i // 2, power_on_s=3.0 + i,
+            lsb_dps=0.00875, temp_c=temp_c,
+        ))  # fmt: skip
+    return make_session(*made, lsb_dps=0.00875)
+
+
+@pytest.mark.parametrize("start", [-0.6, 0.0, 0.6])
+def test_ramps_up_and_down_show_a_hysteresis_though_no_power_cycle_turns(start):
+    """It was not measurable, and jumps of the bias or a warm-up were named in its place. ``start``: where the part begins."""
+    found = diagnose(ramps(start))
+    named = [c for c in found.candidates if c.decision == "add"]
+    assert [(c.effect.id, c.axis) for c in named] == [("thermal_hysteresis", "z")]
+    assert named[0].values["amplitude_dps"] == pytest.approx(0.05, rel=0.3)
+
+
+def test_ramps_in_one_direction_show_no_hysteresis():
+    session = ramps(0.0)
+    cooling = [run for run in session.runs if run.index % 2]
+    assert effect("thermal_hysteresis").missing(cooling, 2) is not None
+    assert effect("thermal_hysteresis").missing(session.runs, 2) is None

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from gyrocal.effects.base import effect, is_left_of_a_line
-from gyrocal.effects.byte_fault import carried, lost_carry, single_power
+from gyrocal.effects.byte_fault import carried, lost_carry
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
+from gyrocal.effects.single_bits import single_power
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.recording.session import Run, following
 

@@ -5,8 +5,9 @@ import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import effect
-from gyrocal.effects.byte_fault import lost_carry, single_power
+from gyrocal.effects.byte_fault import lost_carry
 from gyrocal.effects.quantization import coarse_step_dps
+from gyrocal.effects.single_bits import single_power
 from gyrocal.recording.session import Run
 from make_runs import make_run as bare_run
 from make_runs import make_session

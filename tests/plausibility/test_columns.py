@@ -61,6 +61,35 @@ def test_bursts_do_not_change_the_rate(samples: int, burst: int) -> None:
     assert [w.code for w in check(pair(t_s * 1.1, rate_hz=10.0, across=False))] == ["sample_rate"]
 
 
+@pytest.mark.parametrize("burst", [1, 5])
+@pytest.mark.parametrize("part", [0.001, 0.01, 0.05, 0.2, 0.4])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.0005])
+def test_lost_samples_are_counted(part: float, burst: int, jitter_s: float) -> None:
+    """Times that skip sampling intervals drew no warning, and a loss of 5 % now and then one of a wrong sample rate."""
+    rng = np.random.default_rng(2)
+    kept = np.ones(6000, dtype=bool)
+    for first in np.flatnonzero(rng.random(6000) < part / burst):
+        kept[max(1, first) : first + burst] = False
+    kept[-1] = True
+    t_s = (np.arange(6000) / 100.0 + rng.uniform(0, jitter_s, 6000))[kept]
+    (told,) = check(pair(t_s, rate_hz=100.0, across=False))
+    assert (told.code, told.axis, told.file, told.blocking) == ("samples_lost", None, None, False)
+    assert told.text.startswith(f"{2 * (6000 - t_s.size)} of 12000 samples in 2 runs are missing")
+
+
+@pytest.mark.parametrize("kind", ["ms", "jitter", "ticks", "late"])
+def test_uneven_stamps_are_no_lost_samples(kind: str) -> None:
+    rng = np.random.default_rng(4)
+    rate_hz = 100.0 if kind == "ticks" else 145.0
+    true_s = np.arange(6000) / rate_hz
+    late = rng.random(6000) < 0.01
+    t_s = {
+        "ms": np.round(true_s, 3), "jitter": true_s + rng.uniform(-0.3, 0.3, 6000) / rate_hz,
+        "ticks": np.floor(true_s / 0.008 + 1e-9) * 0.008, "late": true_s + np.where(late, 0.7, 0.0) / rate_hz,
+    }[kind]  # fmt: skip
+    assert check(pair(t_s, rate_hz=rate_hz, across=False)) == []
+
+
 @pytest.mark.parametrize("rate_dps", [30.0, 72.0, 150.0])
 @pytest.mark.parametrize("seconds", [5.0, 10.0, 33.0])
 def test_gravity_that_turns_about_the_axis_contradicts_nothing(rate_dps: float, seconds: float) -> None:

@@ -133,6 +133,64 @@ def test_a_stated_range(range_dps: float) -> None:
     assert [(w.code, w.axis) for w in told] == [("clipped", "z")]
 
 
+def steady(rates_dps: tuple[float, ...], noise_dps: float, count_dps: float, end_dps: float, **fields: float | None) -> Session:
+    """Two power cycles of runs at ``rates_dps``, face up and face down, clipped at ``end_dps``."""
+    rng = np.random.default_rng(3)
+    runs = []
+    for i, (cycle, rate_dps) in enumerate((c, r) for c in range(2) for r in (*rates_dps, *(-r for r in rates_dps))):
+        y = rng.normal([0.3, -0.2, 0.02 + 0.01 * i + rate_dps * 1.002], noise_dps, (800, 3))
+        y = np.clip(rounded(y, count_dps), -end_dps, end_dps)
+        face = "up" if rate_dps >= 0 else "down"
+        runs.append(make_run(np.arange(800) / 100, y, table_rate_dps=abs(rate_dps), face=face, scenario=f"{cycle}"))
+    return make_session(*runs, **fields)
+
+
+@pytest.mark.parametrize("stated_dps", [None, 250.0, 2000.0])
+@pytest.mark.parametrize(
+    ("rates_dps", "noise_dps", "count_dps", "end_dps"),
+    [
+        ((20.0, 60.0, 120.0), 0.05, 0.01, 100.0),  # the noise at the fastest rates is cut off as a whole
+        ((20.0, 60.0, 120.0), 0.5, 0.01, 120.0),  # and in part
+        ((20.0, 60.0, 120.0), 0.02, 0.07, 100.03),  # counts that hide the noise
+        ((0.0, 78.0), 0.05, 0.01, 60.0),  # one rate beside the rests
+        ((78.0,), 0.05, 0.01, 60.0),  # nothing else
+    ],
+)
+def test_a_range_below_the_stated_one_is_told_by_the_readings(
+    rates_dps: tuple[float, ...], noise_dps: float, count_dps: float, end_dps: float, stated_dps: float | None
+) -> None:
+    """Equal readings at the end of a range were called a sensor that hung, or a wrong rate."""
+    told = check(steady(rates_dps, noise_dps, count_dps, end_dps, full_scale_dps=stated_dps))
+    assert [(w.code, w.axis) for w in told] == [("clipped", "z")]
+    assert f"at {end_dps:.6g} dps or beyond" in told[0].text
+
+
+@pytest.mark.parametrize("stated_dps", [250.0, 2000.0])
+@pytest.mark.parametrize("range_dps", [10.0, 43.21, 60.0])
+def test_a_swing_shows_a_range_below_the_stated_one(range_dps: float, stated_dps: float) -> None:
+    t_s, rate, y = swing(100.0, noise_dps=0.02, count_dps=0.00875)
+    run = make_run(t_s, np.clip(y, -range_dps, range_dps), rate_ref_dps=rate)
+    (told,) = check(make_session(run, full_scale_dps=stated_dps))
+    assert (told.code, told.axis) == ("clipped", "z")
+
+
+@pytest.mark.parametrize("hung", [(4, 5), (10, 11), (4, 10)])
+def test_a_sensor_that_hangs_is_not_clipped(hung: tuple[int, int]) -> None:
+    """It keeps one value in one power cycle, or another value in another, where the range has one end."""
+    sound = steady((20.0, 60.0, 120.0), 0.05, 0.01, 1000.0, full_scale_dps=250.0)
+    level_dps = np.random.default_rng(1).normal(120.3, 0.1, 12)
+    made = [
+        make_run(
+            r.t_s, np.column_stack([r.gyro_dps[:, :2], np.full(len(r), np.round(level_dps[hung[0] if r.index < 6 else i], 2))])
+            if i in hung else r.gyro_dps, table_rate_dps=r.table_rate_dps, face=r.face, scenario=r.scenario, rate_hz=100.0,
+        )
+        for i, r in enumerate(sound.runs)
+    ]  # fmt: skip
+    told = {w.code for w in check(make_session(*made, full_scale_dps=250.0))}
+    assert "constant_reading" in told
+    assert "clipped" not in told
+
+
 @pytest.mark.parametrize("factor", [2.35, 10.0])
 def test_coarse_counts_do_not_hide_a_wrong_scale(factor: float) -> None:
     readings = [y * factor for y in pair(200.0, 15.0, noise_dps=0.02, count_dps=0.07)]

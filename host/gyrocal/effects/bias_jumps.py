@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
-from gyrocal.effects.byte_fault import single_power
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.effects.sampling_fault import stale
+from gyrocal.effects.single_bits import may_be_single_power, single_power
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
@@ -254,7 +254,10 @@ class _SingleReadings(ReadingFault):
     looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes."""
+        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes.
+
+        Where they may be, they are no sure outliers of another cause.
+        """
         if single_power(runs, axis) is not None:
             return None
         apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
@@ -269,7 +272,7 @@ class _SingleReadings(ReadingFault):
         values = {
             "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
         }  # fmt: skip
-        return Detected(values, {}, chance)
+        return Detected(values, {}, max(chance, SHOWN if may_be_single_power(runs, axis) else 0.0))
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         return modelled_dps + outliers_of(run, axis)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, REFERENCE_C, temperature_moves, temperature_noise, warming_c
 from gyrocal.recording.session import Array, Run
@@ -53,6 +55,13 @@ class BiasTemperature(Effect):
 
     def lacks(self, run: Run) -> bool:
         return run.temp_c is None
+
+    def unmeasured(self, run: Run, axis: int) -> Array | None:
+        """The temperature [n] about its mean: it hardly moves, but with a large coefficient the readings may follow it.
+
+        Between the runs, the spread of the bias from one power cycle to the next hides it.
+        """
+        return None if run.temp_c is None else run.temp_c - float(np.mean(run.temp_c))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         above_c = warming_c(run)

@@ -9,16 +9,13 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
-from gyrocal.effects.dead_band import outliers_of
-from gyrocal.effects.quantities import grid_dps, rate_about
-from gyrocal.effects.quantization import coarse_step_dps
+from gyrocal.effects.quantities import rate_about
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.single_bits import BITS, apart_of, codes_of, count_dps_of, noise_of, single_power
 from gyrocal.recording.once import once
-from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
-from gyrocal.recording.torn import Codes, Torn, expected_shift, torn
+from gyrocal.recording.torn import Torn, expected_shift, torn
 
-BITS = range(4, 15)
 HALF = 0.5
 """Part of the low bits' range that is not negative where they are taken for a signed number."""
 BELOW = tuple(k / 8 for k in range(1, 8))
@@ -35,23 +32,9 @@ SMOOTHER = 0.8
 """Part of the crossings that must become smoother when the step is taken away."""
 LEAST_CROSSINGS, LEAST_RUNS = 20, 3
 MOST_SAMPLES = 40_000
-LEAST_SINGLE = 5
-SIZE_WITHIN, TOLD_APART = 5.0, 20.0
-"""Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed unless the
-low bits alone show the fault."""
-WHOLE = 0.7
-"""Mean cosine of the sizes of outliers, with a bit's value as the period, above which they are multiples of it. It is 0 for any
-sizes, and 0.7 for multiples with errors of an eighth of the period."""
-BY_CHANCE = 1e-4
-"""Probability of the sizes or low bits of outliers of another cause, below which these show the fault."""
 LEAST_GAIN = 25.0
 """Gain in log-likelihood over other borders from which on hidden readings are torn. A density that is not quite that of the
 noise gains up to 15 at one border and not at the others (480 axes without a fault)."""
-MOST = 0.9
-"""Part of the outliers that must have the size of one bit, or the upper part of a neighbour."""
-
-Found = tuple[Run, Index, Array]
-"""A run, the rows of its outliers [k], and their deviations [k], deg/s."""
 
 
 class ByteFault(Effect):
@@ -147,31 +130,12 @@ def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
     return mask
 
 
-def count_dps_of(runs: Sequence[Run], axis: int) -> float:
-    """One count, deg/s: as the session says, else the grid of the readings; infinite if there is none."""
-    stated = [r.lsb_dps for r in runs if r.lsb_dps]
-    if not stated and not runs:
-        return np.inf
-    count_dps = min(stated) if stated else grid_dps([r.gyro_dps[:, axis] for r in runs])
-    return count_dps if count_dps >= 1e-4 else np.inf
-
-
-def _noise_dps(runs: Sequence[Run], axis: int) -> float:
-    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s.
-
-    It is at least the noise of rounding to coarse steps.
-    """
-    moved = [np.diff(r.gyro_dps[:, axis] - rate_about(r, axis)) for r in runs]
-    noise_dps = float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2))
-    return max(noise_dps, coarse_step_dps(runs, axis) / 12**0.5) or 1e-9
-
-
 @once
 def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
     """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none."""
     if not runs:
         return None
-    count_dps, noise_dps = count_dps_of(runs, axis), _noise_dps(runs, axis)
+    count_dps, noise_dps = count_dps_of(runs, axis), noise_of(runs, axis)
     steady = [r for r in runs if not r.rate_is_mean]
     if not steady or not np.isfinite(count_dps):
         return None
@@ -242,74 +206,6 @@ def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: Carry) -
     return between and carry.fraction == 1.0
 
 
-def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
-    """The bit of whose value nearly all outliers are a multiple, and the number of outliers; None if they have no such size."""
-    count_dps = count_dps_of(runs, axis)
-    found = [(r, *_apart(r, axis)) for r in runs]
-    number = sum(rows.size for _, rows, _ in found)
-    if number < LEAST_SINGLE or not np.isfinite(count_dps):
-        return None
-    bit = _bit_without_carry(found, axis, count_dps, _noise_dps(runs, axis) / count_dps)
-    if bit is None:
-        bit = _bit_of_another_sample(found, axis, count_dps)
-    return None if bit is None else (bit, number)
-
-
-def _bit_without_carry(found: Sequence[Found], axis: int, count_dps: float, noise: float) -> int | None:
-    """The bit whose value nearly all outliers deviate by; ``noise`` in counts.
-
-    Their low bits must also lie in one half of the range, as those of readings that have just carried do, and in the other half
-    where the reading is too large: there it is the neighbours that lack the carry.
-    """
-    apart_dps = np.concatenate([apart for _, _, apart in found])
-    sizes = np.abs(apart_dps) / count_dps
-    bit = round(float(np.log2(np.median(sizes))))
-    alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
-    if bit not in BITS or float(np.mean(alike)) < MOST:
-        return None
-    readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
-    low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit + 0.5 * (apart_dps > 0)
-    in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
-    certain = TOLD_APART * noise < 2.0**bit or low.size * _all_in_half(round(in_half * low.size), low.size) < BY_CHANCE
-    return bit if in_half >= MOST and certain else None
-
-
-def _bit_of_another_sample(found: Sequence[Found], axis: int, count_dps: float) -> int | None:
-    """The lowest bit of an upper part that outliers have of the sample before, or of the one after.
-
-    Where the rate moves by more than the lower part from sample to sample, they deviate by any multiple of the bit's value, and
-    their low bits are anywhere. Outliers of another cause have neither such sizes nor the upper part of a neighbour.
-    """
-    inner = [(r, rows[keep], apart[keep]) for r, rows, apart in found for keep in [(rows > 0) & (rows < len(r) - 1)]]
-    sizes = np.concatenate([apart for _, _, apart in inner]) / count_dps
-    before, own, after = (
-        np.concatenate([_codes(r, axis, count_dps)[rows + shift] for r, rows, _ in inner]) for shift in (-1, 0, 1)
-    )
-    for bit in (b for b in reversed(BITS) if sizes.size >= LEAST_SINGLE):
-        whole = float(np.mean(np.cos(2 * np.pi * sizes / 2**bit)))
-        by_chance = len(BITS) * float(tails.normal(whole * np.sqrt(2 * sizes.size)))
-        of_neighbour = max(float(np.mean(own >> bit == other >> bit)) for other in (before, after))
-        large = float(np.mean(np.abs(sizes) > 2.0 ** (bit - 1)))
-        if min(large, of_neighbour) >= MOST and whole > WHOLE and by_chance < BY_CHANCE:
-            return bit
-    return None
-
-
-def _all_in_half(inside: int, number: int) -> float:
-    """The probability that so many of a number of low bits lie in the half of the range that begins at one of them."""
-    return float(tails.binomial(inside - 1, number - 1, 0.5))
-
-
-def _apart(run: Run, axis: int) -> tuple[Index, Array]:
-    if run.rate_is_mean:
-        return np.zeros(0, dtype=np.intp), np.zeros(0)
-    return outliers_of(run, axis, run.gyro_dps[:, axis] - rate_about(run, axis))
-
-
-def _codes(run: Run, axis: int, count_dps: float) -> Codes:
-    return np.rint(run.gyro_dps[:, axis] / count_dps).astype(np.int64)
-
-
 @once
 def _torn(runs: Sequence[Run], axis: int) -> Torn | None:
     """Readings of steady runs that are torn, each run without its offset and scale; None if there are none."""
@@ -324,7 +220,7 @@ def _torn(runs: Sequence[Run], axis: int) -> Torn | None:
         if np.median(np.abs(np.diff(left))) > np.median(np.abs(np.diff(y))):
             return None  # the noise of a coarse encoder is in no reading, and hides what is
         rest.append(left)
-    return torn([_codes(r, axis, count_dps) for r in steady], rest)
+    return torn([codes_of(r, axis, count_dps) for r in steady], rest)
 
 
 def _hidden(runs: Sequence[Run], axis: int) -> Detected | None:
@@ -359,11 +255,11 @@ class _SingleReadings(ReadingFault):
         return Detected(values, {}, 10.0 ** -min(number, 100))
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        rows, apart_dps = _apart(run, axis)
+        rows, apart_dps = apart_of(run, axis)
         out = modelled_dps.copy()
         if values["step_dps"] < STANDS_OUT * white_sd_dps:
             count_dps = 2.0 ** -values["bit"] * values["step_dps"]
-            codes, rest = _codes(run, axis, count_dps), (run.gyro_dps[:, axis] - modelled_dps) / count_dps
+            codes, rest = codes_of(run, axis, count_dps), (run.gyro_dps[:, axis] - modelled_dps) / count_dps
             return out + count_dps * expected_shift(codes, rest, round(values["bit"]), values["fraction"])
         out[rows] += apart_dps
         return out

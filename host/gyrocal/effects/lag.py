@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from gyrocal.effects.base import Law, Parameter, Values
+from gyrocal.effects.base import Effect, Law, Parameter, Values
+from gyrocal.effects.sampling_fault import SamplingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import Motion, Timing
 
 
@@ -51,6 +52,12 @@ class Lag(TimingEffect):
     def contradicted(self, values: Values, explained: float | None) -> bool:
         """True if the reading leads and that is not the main cause. A late reference makes it lead, and so does friction."""
         return values["tau_s"] < 0 and (explained is None or explained < POLICY.main_cause)
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """True if the delay is what repeated readings make on average, whether or not they are among the ``known`` effects."""
+        found = SamplingFault().detect(runs, axis)
+        late = 0.0 if found is None else SamplingFault.late_samples(found.values)
+        return abs(values["tau_s"]) < POLICY.late_repeats * late / runs[0].sample_rate_hz
 
     def structure(self, values: Mapping[str, float]) -> Values:
         return super().structure(values) | {"order": values.get("order", 0.0)}

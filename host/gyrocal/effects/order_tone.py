@@ -32,6 +32,9 @@ WHOLE = (1.0, 2.0, 3.0, 4.0)
 """Orders that are tried there."""
 HARMONIC = 0.3
 """Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
+EXACT = 0.1
+"""Distance of a fitted frequency from a whole number of periods per turn, as a part of the resolution of the turns, within
+which it is that number."""
 
 
 def turned_turn(run: Run) -> Array:
@@ -118,6 +121,29 @@ def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
     multiple = round(ratio) > 1 and abs(ratio - round(ratio)) * strongest.order < peak.resolution
     strong = peak.amplitude_dps > HARMONIC * strongest.amplitude_dps and peak.chance < POLICY.name_alarm
     return multiple and strong
+
+
+def strong_orders(runs: Sequence[Run], axis: int) -> dict[int, float]:
+    """The amplitudes, deg/s, of the significant lines at a whole number of periods per turn, by that number."""
+    peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
+    return {p.whole: p.amplitude_dps for p in reversed(peaks) if p.whole is not None and p.chance < POLICY.name_alarm}
+
+
+def harmonic_of_turn(runs: Sequence[Run], axis: int, f_hz: float) -> bool:
+    """True if a frequency is one of several strong lines at whole numbers of periods per turn, at the only rate of the table.
+
+    What passes the sensor once a turn, such as a magnet beside the table, has many of them. Each alone resembles a vibration.
+    """
+    turning = [r for r in runs if _turns(r)]
+    if not turning or told_from_frequency(runs, FEW_TURNS):
+        return False
+    turns_hz = float(np.mean([np.sqrt(np.mean(r.rate_dps**2)) for r in turning])) / 360
+    order = round(f_hz / turns_hz)
+    resolution = 1 / max(float(np.ptp(turned_turn(r))) for r in turning)
+    if abs(f_hz / turns_hz - order) > EXACT * resolution:
+        return False
+    lines = strong_orders(runs, axis)
+    return any(size > HARMONIC * lines.get(order, 0.0) for k, size in lines.items() if k != order)
 
 
 def _turns(run: Run) -> bool:

@@ -8,11 +8,11 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
-from gyrocal.effects.byte_fault import count_dps_of
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.single_bits import count_dps_of
 from gyrocal.recording.session import Array, Run
 
 
@@ -110,6 +110,11 @@ class SamplingFault(ReadingFault):
         old = np.flatnonzero(stale(run))
         out[old + 1] = run.gyro_dps[old, axis]
         return out
+
+    @staticmethod
+    def late_samples(values: Mapping[str, float]) -> float:
+        """The mean age of a reading in samples: after a repeated one, the next is repeated with the same probability."""
+        return values["fraction"] / (1 - values["fraction"])
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """Readings [n, 3] with this fault, deg/s. A stale sample repeats the last fresh one on all axes."""

@@ -12,6 +12,7 @@ from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.quantities import grid_dps, white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.parameter import POSITIVE
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 
 BELOW = 2.0
@@ -68,8 +69,12 @@ class Saturation(ReadingFault):
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Detect readings that heap up at the largest value, or stay near it while the true rate goes on."""
-        tried = (method(runs, axis) for method in (self._heap, self._constant, self._plateau))
-        return next((found for found in tried if found is not None and found.chance < SHOWN), None)
+        at_one_value = (method(runs, axis) for method in (self._heap, self.constant))
+        shown = [found for found in at_one_value if found is not None and found.chance < SHOWN]
+        if shown:
+            return min(shown, key=lambda found: found.chance)
+        near = self._plateau(runs, axis)
+        return near if near is not None and near.chance < SHOWN else None
 
     def _heap(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """More readings at exactly the largest value than the values below it predict.
@@ -99,20 +104,24 @@ class Saturation(ReadingFault):
         chance = float(tails.normal((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
         return Detected({"full_scale_dps": limit}, {}, chance)
 
-    def _constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
+    def constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Runs that never leave the largest value, where a line through the other runs predicts far more.
 
         If the rate is so far beyond the range that all noise is clipped, no reading lies just below the largest value. By
         chance, a run stays at one value as long as a geometric distribution says whose mean is the longest stay in other runs.
+        Other runs of a single rate tell the bias alone, beside which the smallest scale of a working sensor is assumed.
         """
         mine = [r for r in (r.about(AXES[axis]) for r in runs) if r.axis_index == axis and not r.rate_is_mean]
         limit = max((float(np.abs(r.gyro_dps[:, axis]).max()) for r in mine), default=0.0)
         limited = [bool(np.all(np.abs(r.gyro_dps[:, axis]) > limit - ROUNDING_DPS)) for r in mine]
         others = [r for r, at in zip(mine, limited, strict=True) if not at]
         rates = np.array([float(np.mean(r.rate_dps)) for r in others])
-        if rates.size < 2 or not np.all(np.isfinite(rates)) or np.ptp(rates) <= END * limit:
+        if not rates.size or not np.all(np.isfinite(rates)):
             return None
-        line = np.polynomial.Polynomial.fit(rates, [float(np.mean(r.gyro_dps[:, axis])) for r in others], 1)
+        means = np.array([float(np.mean(r.gyro_dps[:, axis])) for r in others])
+        line = np.polynomial.Polynomial([float(np.mean(means - rates)), 1 - POLICY.largest_scale])
+        if np.ptp(rates) > END * limit:
+            line = np.polynomial.Polynomial.fit(rates, means, 1)
         beyond = [len(r) for r, at in zip(mine, limited, strict=True)
                   if at and abs(float(line(float(np.mean(r.rate_dps))))) > BEYOND * limit]  # fmt: skip
         if sum(beyond) < LEAST_HEAPED:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gyrocal.effects.base import Law, Parameter, Values
+from gyrocal.effects.order_tone import HARMONIC, strong_orders
 from gyrocal.effects.quantities import TURNING, rate_about
 from gyrocal.effects.wave import TableWave
 from gyrocal.recording.session import Array, Run
 
 ORDERS = (1, 2, 3, 4)
+BEYOND = (5, 6)
+"""Orders that all stand out if the wave is a pulse once a turn. One alone may be the teeth of a gear."""
 
 
 class TableRipple(TableWave):
@@ -47,6 +50,12 @@ class TableRipple(TableWave):
         single = [{name: 0.0} for name in self.linear]
         growing = [dict.fromkeys(self.linear[:k], 0.0) for k in ORDERS[1:]]
         return single + growing
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        """False for a pulse once a turn, as of a magnet beside the table: its lines go on beyond those of a ripple."""
+        lines = strong_orders(runs, axis)
+        strongest_dps = max((size for k, size in lines.items() if k in ORDERS), default=0.0)
+        return sum(lines.get(k, 0.0) > HARMONIC * strongest_dps for k in BEYOND) < len(BEYOND)
 
     def size(self, run: Run, axis: int) -> Array:
         return rate_about(run, axis)

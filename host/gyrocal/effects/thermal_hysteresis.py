@@ -12,9 +12,11 @@ from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
-LEAST_RETURN_C = 1.0
-"""Least way back of the temperature within a power cycle that can show a loop, degC."""
-WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+LEAST_C = 1.0
+"""Least rise and fall of the temperature within power cycles that can show a loop, degC."""
+WIDTHS_C = tuple(0.5 * 2 ** (k / 2) for k in range(13))
+STARTS = (0.0, -1.0, -0.5, 0.5, 1.0)
+"""Where the part may begin between the branches. Its temperature before the power cycle decides on it, and is not known."""
 
 
 class ThermalHysteresis(Effect):
@@ -43,6 +45,10 @@ class ThermalHysteresis(Effect):
             "width_c", "degC", (0.5, 30.0), "from one branch to the other: a part of the temperature range", 5.0, POSITIVE,
             search=(0.2, 60.0), sized=False,
         ),
+        Parameter(
+            "start", "of half the width", (-1.0, 1.0), "1: the part came from the cold before its power-on, -1: from the heat",
+            0.0, (-1.0, 1.0), sized=False,
+        ),
     )  # fmt: skip
     linear = ("amplitude_dps",)
     nonlinear = ("width_c",)
@@ -51,24 +57,28 @@ class ThermalHysteresis(Effect):
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         measured = bool(runs) and all(r.temp_c is not None for r in runs)
-        if measured and any(_way_back_c(_course_c(r)) >= LEAST_RETURN_C for r in runs):
+        if measured and _both_ways_c(runs) >= LEAST_C:
             return None
-        return "a power cycle in which the temp_c column rises and falls by 1 °C or more"
+        return "power cycles in which the temp_c column rises and falls by 1 °C or more"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         range_c = max(float(np.ptp(_course_c(r))) for r in runs if r.temp_c is not None)
-        return [{"width_c": w, "amplitude_dps": 0.0} for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
+        widths = [w for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
+        return [{"width_c": w, "start": s, "amplitude_dps": 0.0} for w in widths for s in STARTS]
+
+    def structure(self, values: Mapping[str, float]) -> Values:
+        return super().structure(values) | {"start": values.get("start", 0.0)}
 
     def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """True if a power cycle reaches both branches. Within the width, a hysteresis is a line over temperature."""
-        return any(_way_back_c(_course_c(r)) >= values["width_c"] for r in runs if r.temp_c is not None)
+        """True if power cycles reach both branches, wherever they begin. Within the width, a hysteresis is a line."""
+        return _both_ways_c(runs) >= values["width_c"]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.temp_c is None:
             return np.zeros((len(run), 1))
         t_s, half_c = temperature_by_second(run)[0], values["width_c"] / 2
         course_c = _course_c(run)
-        branch = (course_c - play_c(course_c, half_c)) / half_c
+        branch = (course_c - play_c(course_c, half_c, values.get("start", 0.0))) / half_c
         return stack(np.interp(run.t_s, t_s, branch[-t_s.size :]))
 
 
@@ -90,23 +100,22 @@ def _turning_points_c(run: Run) -> Array:
     return temp_c[turns]
 
 
-def play_c(temp_c: Array, half_c: float) -> Array:
+def play_c(temp_c: Array, half_c: float, start: float = 0.0) -> Array:
     """The play operator: a value that stays until the temperature [n] is further than ``half_c`` away, shape [n], degC.
 
-    It begins at the first temperature, because the history of the part before the power cycle is not known.
+    It begins ``start`` times this distance below the first temperature.
     """
     out = np.empty_like(temp_c)
-    at = float(temp_c[0])
+    at = float(temp_c[0]) - start * half_c
     for i, temp in enumerate(temp_c.tolist()):
         at = min(max(at, temp - half_c), temp + half_c)
         out[i] = at
     return out
 
 
-def _way_back_c(temp_c: Array) -> float:
-    """The largest fall after a rise, or rise after a fall, that is matched by the way there, degC."""
-    up = temp_c - np.minimum.accumulate(temp_c)
-    down = np.maximum.accumulate(temp_c) - temp_c
-    rest_up = np.maximum.accumulate(temp_c[::-1])[::-1] - temp_c
-    rest_down = temp_c - np.minimum.accumulate(temp_c[::-1])[::-1]
-    return float(max(np.minimum(up, rest_down).max(), np.minimum(down, rest_up).max()))
+def _both_ways_c(runs: Sequence[Run]) -> float:
+    """The largest rise of the temperature within a power cycle, or the largest fall within one, if that is smaller, degC."""
+    courses = [_course_c(r) for r in runs if r.temp_c is not None]
+    rise = max((float((c - np.minimum.accumulate(c)).max()) for c in courses), default=0.0)
+    fall = max((float((np.maximum.accumulate(c) - c).max()) for c in courses), default=0.0)
+    return min(rise, fall)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s, is_left_of_a_line
+from gyrocal.effects.order_tone import harmonic_of_turn
 from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once
@@ -73,8 +74,9 @@ class VibrationTone(Tone):
         return values["f_hz"]
 
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
-        """Rectified vibration has a line of its own, which the gyroscope's low-pass changes."""
-        return is_left_of_a_line(known, runs, axis, values["f_hz"], values["A_dps"])
+        """Rectified vibration has a line of its own, which the gyroscope's low-pass changes; a pulse once a turn has many."""
+        f_hz = values["f_hz"]
+        return harmonic_of_turn(runs, axis, f_hz) or is_left_of_a_line(known, runs, axis, f_hz, values["A_dps"])
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))

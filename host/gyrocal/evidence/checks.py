@@ -25,6 +25,8 @@ from gyrocal.recording.session import Array, Run
 
 STATES = 6
 """Number of the likeliest states of the noise over which the probability of different coefficients is averaged."""
+LEAST_APART = 1e-9
+"""Power of a part's column beside the model, as a part of the effect's, below which it is the rounding of sums."""
 LEAST_SHOWN = 1e-3
 """Part of an effect's power that must differ between two parts, so that they say anything of its coefficient."""
 
@@ -130,12 +132,13 @@ def _chances(
     white = beside_model(matrix, states.noises[0], states.spreads[0])
     plain = np.diagonal(white)[columns]
     power = {e: float(found[e] @ white[np.ix_(at, at)] @ found[e]) for e, at in zip(order, matrix.at, strict=True)}
+    apart = plain > LEAST_APART * np.array([power[e] for e, _ in parts])  # else rounding alone is left beside the model
     likeliest = np.argsort(weighed.bare)[::-1][:STATES]
     chances, differences, shown = np.zeros(columns.size), np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
     for state in likeliest.tolist():
         products = integrated(beside_model(matrix, states.noises[state], states.spreads[state])[None], taken, sd)[0][0]
         norm, variance = np.diagonal(products)[columns], products[0, 0] / states.degrees
-        seen = norm > LEAST_SHOWN * plain
+        seen = apart & (norm > LEAST_SHOWN * plain)
         statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)
         chances += weighed.bare[state] * np.array([float(tails.chi_square(s, 1)) for s in statistic])
         differences += weighed.bare[state] * np.where(seen, np.abs(products[columns, 0]) / np.where(seen, norm, 1.0), 0.0)
@@ -148,6 +151,6 @@ def _chances(
         if mine.any():
             count = int(mine.sum())
             beyond = mine & (chances * count < LEAST_SAME)
-            apart = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
-            out[effect] = min(1.0, float(chances[mine].min()) * count), float(apart.max(initial=0.0))
+            largest = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
+            out[effect] = min(1.0, float(chances[mine].min()) * count), float(largest.max(initial=0.0))
     return out

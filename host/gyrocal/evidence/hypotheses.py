@@ -196,9 +196,12 @@ def options(runs: Sequence[Run], axis: int, present: Sequence[str]) -> list[Opti
 
 
 def _forms(effect: Effect, runs: Sequence[Run], axis: int) -> Iterator[Option]:
-    structures = {effect.used(values): values for values in effect.variants(runs, axis)}
-    for used, values in structures.items():
-        sizes = np.array([_size(effect, used[group]) for group in effect.groups(values)])
+    def structure(values: Values) -> frozenset[tuple[str, float]]:
+        return frozenset((n, v) for n, v in effect.structure(values).items() if n not in effect.nonlinear)
+
+    structures = {structure(values): values for values in effect.variants(runs, axis)}
+    for values in structures.values():
+        sizes = np.array([_size(effect, effect.used(values)[group]) for group in effect.groups(values)])
         nonlinear = [] if isinstance(effect, TimingEffect) else list(effect.nonlinear)
         if len(nonlinear) != 1:
             yield Option(effect, values, sizes)

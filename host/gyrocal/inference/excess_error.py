@@ -36,12 +36,13 @@ SETTLED = 0.02
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of time of all runs: ``run`` and ``cycle`` [k], ``n`` [k] samples, mean times, rates, columns [k, c] and
-    residuals [k]."""
+    """Cells of time of all runs: ``run`` and ``cycle`` [k], ``n`` [k] samples, as many of the usual noise with the same
+    ``precision`` [k], mean times, rates, columns [k, c] and residuals [k]."""
 
     run: Array
     cycle: Array
     n: Array
+    precision: Array
     t_s: Array
     cycle_columns: Array
     columns: Array
@@ -164,7 +165,7 @@ def _cells(axis: AxisFit) -> _Cells:
     design = axis.design
     usable = [i for i, b in enumerate(design.blocks) if b.t_s.size]
     total = sum(design.blocks[i].t_s.size for i in usable)
-    run, cycle, n, t_s, rate, columns, residual = [], [], [], [], [], [], []
+    run, cycle, n, precision, t_s, rate, columns, residual = [], [], [], [], [], [], [], []
     for i in usable:
         b = design.blocks[i]
         count = min(b.t_s.size, max(1, round(CELLS * b.t_s.size / total)))
@@ -173,14 +174,15 @@ def _cells(axis: AxisFit) -> _Cells:
         run.append(np.full(count, i))
         cycle.append(np.full(count, b.scenario))
         n.append(samples)
+        precision.append(samples**2 / np.add.reduceat(b.n**2 / b.precision, start))
         t_s.append(np.add.reduceat(b.t_s * b.n, start) / samples)
         rate.append(np.add.reduceat(_rate(b, design.axis) * b.n, start) / samples)
         columns.append((np.add.reduceat(design.columns(i)[1:] * b.n, start, axis=1) / samples).T)
         residual.append(np.add.reduceat(axis.block_residuals(i) * b.n, start) / samples)
     of_cycles = of_cycle(np.concatenate(rate))
     return _Cells(
-        np.concatenate(run), np.concatenate(cycle), np.concatenate(n), np.concatenate(t_s), of_cycles, np.vstack(columns),
-        np.concatenate(residual), total,
+        np.concatenate(run), np.concatenate(cycle), np.concatenate(n), np.concatenate(precision), np.concatenate(t_s),
+        of_cycles, np.vstack(columns), np.concatenate(residual), total,
     )  # fmt: skip
 
 
@@ -192,7 +194,7 @@ def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
     """Covariance [k, k] of the cells' means, and its derivatives by the logarithm of each variance, white noise first."""
     noise, layout = axis.noise, axis.design.layout
     p = len(layout.fixed)
-    parts = [np.diag(noise.white_sd_dps**2 / cells.n)]
+    parts = [np.diag(noise.white_sd_dps**2 / cells.precision)]
     if noise.ou_sd_dps > 0:
         apart = np.abs(cells.t_s[:, None] - cells.t_s) / noise.ou_tau_s
         parts.append(noise.ou_sd_dps**2 * np.exp(-apart) * (cells.run[:, None] == cells.run))

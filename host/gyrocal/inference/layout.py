@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,16 @@ class Layout:
         return max(self.run_group, default=-1) + 1
 
 
-def assigned(terms: Sequence[Term], scopes: Sequence[str], n_runs: int) -> tuple[Columns, Columns, list[int]]:
+class Assigned(NamedTuple):
     """The columns that all runs share, those with a coefficient of their own in each run, and the groups of the latter."""
+
+    fixed: Columns
+    run: Columns
+    group: list[int]
+
+
+def assigned(terms: Sequence[Term], scopes: Sequence[str], n_runs: int) -> Assigned:
+    """The columns of the terms with these scopes in ``n_runs`` runs."""
     fixed: Columns = []
     run: Columns = []
     group: list[int] = []
@@ -53,4 +61,4 @@ def assigned(terms: Sequence[Term], scopes: Sequence[str], n_runs: int) -> tuple
             run += [(i, j) for j in range(k)]
             group += [n_groups + g for g in kind.groups(term.values)]
             n_groups = max(group) + 1
-    return fixed, run, group
+    return Assigned(fixed, run, group)

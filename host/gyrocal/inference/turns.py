@@ -22,6 +22,8 @@ LARGEST = 0.3
 """The error of a turn, as a fraction of its angle, with which the search begins."""
 ROUNDS = 4
 """The scatter and the weights of the turns are found in turn."""
+SETTLED, MOST_ROUNDS = 0.02, 12
+"""Relative change of the white noise beside which the weights of turns stay, and the most rounds until then."""
 LEAST_FREE = 0.05
 """Degrees of freedom below which turns do not show their scatter."""
 Z95 = 1.959964
@@ -33,7 +35,7 @@ def with_errors_of_turns(current: AxisFit) -> AxisFit:
     known = {i: turns[i].run.turn_se_deg for i in turns}
     stated = {i: float(se) for i, se in known.items() if se is not None}
     if any(stated.values()):
-        current = _weighing(current, stated)
+        current = _settled(current, stated)
     return _scattered(current, turns, stated) if len(turns) - len(stated) > 1 else current
 
 
@@ -47,6 +49,25 @@ def beside_leaks(current: AxisFit) -> AxisFit:
         i: b for i, b in enumerate(current.design.blocks) if b.run.rate_is_mean and b.run.axis_index != axis and b.t_s.size
     }
     return _scattered(current, others, {}) if others else current
+
+
+def reweighed(fitted: AxisFit) -> AxisFit:
+    """The fit of a richer model, in which turns of a stated error weigh by it beside the white noise that is left.
+
+    A weight is relative to that noise. Where a term explains a part of the noise, the error of a turn would shrink with it.
+    """
+    stated = {i: float(b.run.turn_se_deg) for i, b in _turns(fitted).items() if b.weight is not None and b.run.turn_se_deg}
+    return _settled(fitted, stated) if stated else fitted
+
+
+def _settled(fitted: AxisFit, errors_deg: dict[int, float]) -> AxisFit:
+    """The fit with weights of turns that fit to its white noise."""
+    for _ in range(MOST_ROUNDS):
+        before = fitted.noise.white_sd_dps
+        fitted = _weighing(fitted, errors_deg)
+        if abs(fitted.noise.white_sd_dps - before) < SETTLED * before:
+            break
+    return fitted
 
 
 def _scattered(current: AxisFit, turns: dict[int, Blocks], stated: dict[int, float]) -> AxisFit:

@@ -9,15 +9,17 @@ import numpy as np
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
-from gyrocal.recording.stamps import in_bursts, period_s
+from gyrocal.recording.stamps import in_bursts, lost, period_s, step_range_s
+from gyrocal.units import percentage
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
 
 
 def check(session: Session, moved: Set[str | None] = frozenset()) -> list[Warning]:
-    """``sample_rate``, ``accel_unit`` and ``temp_unit``. The files of ``moved`` are no rests."""
-    return [*_sample_rate(session), *_acceleration(session, moved), *_temperature(session)]
+    """``sample_rate``, ``samples_lost``, ``accel_unit`` and ``temp_unit``. The files of ``moved`` are no rests."""
+    off = _sample_rate(session)
+    return [*off, *_lost(session, {w.file for w in off}), *_acceleration(session, moved), *_temperature(session)]
 
 
 def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
@@ -127,6 +129,26 @@ def _sample_rate(session: Session) -> list[Warning]:
     return told(session, "sample_rate", None, hit, text, False)
 
 
+def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
+    """``samples_lost``: steps of time that hold several sampling intervals. Times in the files of ``mistimed`` are wrong."""
+    timed = [r for r in session.runs if not {None, r.file} & mistimed]
+    hit = [(r, missing) for r in timed if (missing := lost(r.t_s, 1 / r.sample_rate_hz)) > 0]
+    if not hit:
+        return []
+    missing, there = sum(number for _, number in hit), sum(len(r) for r, _ in hit)
+    longest = max((r for r, _ in hit), key=lambda r: step_range_s(r.t_s)[1])
+    steps_s = np.diff(longest.t_s)
+    at = int(np.argmax(steps_s))
+    file, where, of_file = (longest.file, "", "") if len(hit) == 1 else (None, f" in {len(hit)} runs", f" of {longest.file}")
+    part = percentage(missing / (missing + there), 2)
+    text = (
+        f"{missing} of {missing + there} samples{where} are missing ({part}), where the times skip sampling intervals, most "
+        f"{steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s{of_file}. The samples that are there are used. Read the sensor's "
+        "FIFO or its data-ready signal to lose none"
+    )
+    return [Warning("samples_lost", None, file, text)]
+
+
 def _gap(run: Run) -> str:
     """What to do with the longest gap of a run that has its stated rate without gaps, in words; empty for any other run."""
     if in_bursts(run.t_s) or abs(1 / period_s(run.t_s) / run.sample_rate_hz - 1) > POLICY.sample_rate_off:
@@ -167,5 +189,6 @@ def measured_hz(run: Run) -> float:
     hz = float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))
     if hz < POLICY.slowest_hz or in_bursts(run.t_s):
         return hz
-    with_lost_hz = 1 / period_s(run.t_s)
+    missing = lost(run.t_s, 1 / run.sample_rate_hz)
+    with_lost_hz = (len(run) - 1 + missing) / float(run.t_s[-1] - run.t_s[0]) if missing else 1 / period_s(run.t_s)
     return hz if abs(with_lost_hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off else with_lost_hz

@@ -125,13 +125,13 @@ def _longest(y: Array, level: float | None) -> tuple[int, int]:
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     lengths = np.diff(edges)
     if level is not None:
-        lengths = np.where(np.abs(np.abs(y[edges[:-1]]) - level) < 1e-6, 0, lengths)
+        lengths = np.where(np.abs(y[edges[:-1]]) > level - 1e-6, 0, lengths)
     k = int(np.argmax(lengths))
     return int(edges[k]), int(lengths[k])
 
 
 def _at(value: float, level: float | None) -> bool:
-    return level is not None and abs(abs(value) - level) < 1e-6
+    return level is not None and abs(value) > level - 1e-6
 
 
 def clip_levels_dps(session: Session) -> Levels:
@@ -145,15 +145,16 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     Readings at the stated full scale or beyond are clipped, as a calibration's flag has it; the level is the largest reading if
     several have it, because chips read a little more than their nominal range. Else readings accumulate at the largest value
     that occurs, and this value is the end of a range. It is that of the code or a usual one, or noise or the true rate would
-    exceed it. A single run that is constant there is not clipped unless the value is
-    one of these ends.
+    exceed it, or runs of several power cycles read nothing else. Below the stated full scale this must be beyond doubt. A
+    single run that is constant there is not clipped unless the value is one of these ends.
     """
     session = session.about(AXES[axis])
     readings = [r.gyro_dps[:, axis] for r in session.runs]
     limit = max(float(np.abs(y).max()) for y in readings)
     if limit <= 0:
         return None
-    detected = Saturation().detect(session.runs, axis)
+    fault = Saturation()
+    detected = fault.detect(session.runs, axis)
     if detected is not None and detected.values["full_scale_dps"] < limit - 1e-6:  # the end is no single value
         return detected.values["full_scale_dps"]
     at = [np.abs(y) > limit - 1e-6 for y in readings]
@@ -168,10 +169,32 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     by_noise = detected is not None
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
-    if stuck or limit < (session.full_scale_dps or POLICY.least_range_dps):
+    if stuck or not heap:
         return None
-    seen = (by_noise and _noise_counts(session, axis) > POLICY.noise_shows_counts) or _rates_differ(session, axis, at, limit)
-    return limit if seen else None
+    if _rates_differ(session, axis, at, limit) or _recurs(session, axis, at):
+        return limit
+    most = POLICY.shown_by_codes if session.full_scale_dps else 1.0
+    if detected is None or limit < POLICY.least_range_dps or detected.chance > most:
+        return None
+    if _noise_counts(session, axis) > POLICY.noise_shows_counts or fault.constant(session.runs, axis) is not None:
+        return limit
+    return None
+
+
+def _recurs(session: Session, axis: int, at: list[Mask]) -> bool:
+    """True if runs of several power cycles read nothing but the limit, on the side of the true rate, and noise must show.
+
+    A sensor that hangs keeps its value in one power cycle, and a wrong rate does not make two readings equal.
+    """
+    whole = [
+        r for r, mask in zip(session.runs, at, strict=True)
+        if mask.all() and np.ptp(r.gyro_dps[:, axis]) == 0 and r.axis_index == axis and not r.rate_is_mean
+    ]  # fmt: skip
+    follow = all(float(np.mean(r.rate_dps)) * float(r.gyro_dps[0, axis]) > 0 for r in whole)
+    one_side = len({float(np.sign(r.gyro_dps[0, axis])) for r in whole}) < 2
+    if len({r.scenario for r in whole}) < 2 or not follow or (one_side and len(whole) == len(session.runs)):
+        return False
+    return float(np.median([_noise_counts(session, i) for i in range(len(AXES))])) > POLICY.noise_shows_counts
 
 
 def _rates_differ(session: Session, axis: int, at: list[Mask], limit: float) -> bool:

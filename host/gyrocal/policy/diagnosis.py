@@ -97,6 +97,11 @@ class Diagnosis:
         larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
         chosen_by="docs/details/decisions.md, rms, floor and excess",
     )  # fmt: skip
+    adequate_errors: float = threshold(
+        3.0, "standard errors up to which the excess of an adequate model is noise",
+        larger="a model is adequate beside an excess that is told with a small error", smaller="noise alone is a misfit",
+        chosen_by="chosen by judgement; pytest tests/diagnosis/test_angles.py: twelve sessions of turns and noise are adequate",
+    )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",
@@ -262,6 +267,11 @@ class Diagnosis:
         2.0, "amplitude of a line over that of a term's line at the same frequency up to which a filter leaves it of that one",
         larger="a vibration of the same frequency is taken for it", smaller="the line of rectified vibration stays unknown",
         chosen_by="a delay of half a period makes it 2, a second-order low-pass 1.27; pytest tests/diagnosis/test_physics.py",
+    )  # fmt: skip
+    late_repeats: float = threshold(
+        1.5, "delay over the mean age of repeated readings up to which these are its cause",
+        larger="a delay beside many repeated readings is not named", smaller="repeated readings are named a delay as well",
+        chosen_by="fits of repeated readings find 0.8 to 1.0; pytest tests/diagnosis/test_repeated_readings.py",
     )  # fmt: skip
     most_parts: int = threshold(
         8, "largest number of parts of a run in which the phase of a tone is compared, of at least four periods each",

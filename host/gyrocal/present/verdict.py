@@ -9,9 +9,6 @@ from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.residual.rate_unit import rounded, unit_of
 from gyrocal.policy import POLICY
 
-NOISE_ERRORS = 3.0
-"""Standard errors up to which an excess is told as noise."""
-
 
 def first_sentence(text: str) -> str:
     """The first sentence of a text, with its one full stop."""
@@ -54,7 +51,7 @@ def nothing_found(candidates: Iterable[Candidate], compared: Mapping[str, Any]) 
 
 
 def beyond_noise(compared: Mapping[str, Any]) -> str:
-    """The excesses beyond ``NOISE_ERRORS`` of their standard errors, in words; empty if there are none.
+    """The excesses beyond ``Policy.adequate_errors`` of their standard errors, in words; empty if there are none.
 
     They are those of the judged axes; that of all together counts where none of these stands out by itself.
     """
@@ -68,9 +65,9 @@ def beyond_noise(compared: Mapping[str, Any]) -> str:
 
 
 def _certain(level: Mapping[str, Any], unit: str) -> str:
-    """An excess with its standard error, as text; empty if it is within ``NOISE_ERRORS`` of them, or not known."""
+    """An excess with its standard error, as text; empty if it is within ``Policy.adequate_errors`` of them, or not known."""
     excess, se = level[f"excess_{unit}"], level[f"excess_se_{unit}"]
-    if excess is None or se is None or excess <= NOISE_ERRORS * se:
+    if excess is None or se is None or excess <= POLICY.adequate_errors * se:
         return ""
     if unit == "deg":
         return f"{rounded(excess, se, 4)} ± {rounded(se, se, 4)} deg"
@@ -99,7 +96,7 @@ def is_high(level: Mapping[str, Any], unit: str = "dps") -> bool:
     At an excess of zero, three of its standard errors are the root of three of the mean square's (``levels.excess_of``).
     """
     rms, floor, se = (level[f"{name}_{unit}"] for name in ("rms", "floor", "excess_se"))
-    return rms is not None and floor is not None and se is not None and floor**2 - rms**2 > (NOISE_ERRORS * se) ** 2
+    return rms is not None and floor is not None and se is not None and floor**2 - rms**2 > (POLICY.adequate_errors * se) ** 2
 
 
 def stands_on(compared: Mapping[str, Any]) -> str:

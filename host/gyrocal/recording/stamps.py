@@ -33,6 +33,8 @@ ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LONG = 1.5
 """A step longer than this, in intervals, may hold a lost sample."""
+WHOLE, STATED = 0.25, 0.02
+"""Fraction of an interval by which a long step may be off a whole number of them, and the usual interval off the stated one."""
 LOST = 0.7
 """Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
@@ -111,6 +113,24 @@ def typical_step_s(t_s: Array) -> float:
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
     return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(_without_incidents(t_s)[0]))[1]
+
+
+def lost(t_s: Array, stated_s: float) -> int:
+    """Samples that are missing between stamps [n], s, of a sensor that samples every ``stated_s``.
+
+    Where the usual step is the stated one and none is far shorter, long steps are whole numbers of it. Other stamps are late,
+    or are rounded to the ticks of a host. Of stamps that come in bursts, none is known to be missing.
+    """
+    steps = np.diff(t_s)
+    middle_s = float(np.median(steps))
+    if float(steps.min()) < BURST * middle_s or middle_s < stated_s / LONG or in_bursts(t_s):
+        return 0
+    interval_s = float(np.mean(steps[steps < LONG * middle_s]))
+    count = np.rint(steps / interval_s)
+    off = np.abs(steps / interval_s - count)
+    if abs(interval_s / stated_s - 1) < STATED and count.min() >= 1 and np.all(off < np.maximum(WHOLE, STATED * count)):
+        return int(count.sum()) - steps.size
+    return regression(t_s).lost
 
 
 def regression(t_s: Array) -> Stamps:

@@ -48,7 +48,8 @@ class Direction(Variable):
     @property
     def _returns(self) -> bool:
         """True if the temperature rises and falls within a run."""
-        return ThermalHysteresis().missing(self.runs, 0) is None
+        loop = ThermalHysteresis()
+        return loop.missing(self.runs, 0) is None and any(loop.missing([run], 0) is None for run in self.runs)
 
 
 def warming_or_cooling(run: Run) -> Array:

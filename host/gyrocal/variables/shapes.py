@@ -133,6 +133,19 @@ class Columns(Shape):
         return np.zeros((len(run), len(self.linear))) if found is None else found
 
 
+class Course(Columns):
+    """Cosines of the time in the run that are the same in all runs, up to ``count`` half periods in ``longest_s``."""
+
+    def __init__(self, count: int, longest_s: float) -> None:
+        self.half_turns = np.pi * np.arange(1, count + 1) / longest_s
+        super().__init__(self._of, count, "in the same course in each run")
+
+    def _of(self, run: Run) -> Array | None:
+        if run.rate_is_mean:
+            return None
+        return np.asarray(np.cos(elapsed_s(run)[:, None] * self.half_turns))
+
+
 class Waves(Columns):
     """Waves in the known angle of the table, each order with a cosine and a sine that are the same in all runs."""
 

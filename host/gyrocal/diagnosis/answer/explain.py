@@ -217,8 +217,8 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
         return alone
     tested = sum(c.decision != "not_measurable" for c in diagnosis.candidates)
     choice = choose(without(current, reconsidered), again, tested)
-    if not choice.certain and not choice.open:
-        return alone
+    if not choice.certain and (not choice.open or (lead.named and lead.sure)):
+        return alone  # held-out gains alone may leave open what the evidence decides
     stay = {e.id for e in choice.certain} | set(choice.open)
     unsupported = {c.effect.id for c in diagnosis.candidates if c.axis == lead.axis and not c.supported}
     new = tuple(e for e in choice.certain if e.id not in earlier and e.id not in unsupported)

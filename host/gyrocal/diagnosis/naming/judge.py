@@ -29,6 +29,7 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
+from gyrocal.inference.turns import reweighed
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.shapes import Columns
@@ -79,16 +80,17 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
         return Candidate(effect, current.axis, "not_measurable", next_measurement=next_one)
-    fitted = finish(refine(tried))
+    fitted = finish(reweighed(refine(tried)))
     term = fitted.terms[-1]
     parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
     unseen = not effect.observable(term.values, current.runs)
-    if chance > unless or unseen or effect.repeats(term.values, current.runs, current.index, known):
+    another = unseen or effect.repeats(term.values, current.runs, current.index, known)
+    if chance > unless or another:
         return Candidate(
-            effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=unseen
+            effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=another
         )  # fmt: skip
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)

@@ -31,6 +31,7 @@ from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
+from gyrocal.inference.turns import reweighed
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -134,7 +135,7 @@ def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | No
     fitted = current.fit
     for effect in members:
         fitted = choose_variant(fitted, Term.of(effect, current.axis))
-    fitted = finish(refine(fitted))
+    fitted = finish(reweighed(refine(fitted)))
     for effect, term in zip(members, fitted.terms[-len(members) :], strict=True):
         physical = in_range(Candidate(effect, current.axis, "reject", term.values))
         if not physical or not effect.observable(term.values, current.runs):

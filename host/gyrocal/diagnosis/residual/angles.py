@@ -72,6 +72,8 @@ class Angles:
     noise: dict[str, Array] = field(repr=False)
     of_samples: bool = False
     """True for a row a sample, False for a row a run."""
+    freedom: dict[str, int] = field(default_factory=dict, repr=False)
+    """Net angles of each axis less the fitted coefficients: the noise of net angles is estimated from as few of them."""
 
     @staticmethod
     def of(fitted: Fit, folds: Sequence[Fold], of_model: Mapping[str, Array] | None = None) -> Angles:
@@ -85,7 +87,8 @@ class Angles:
         if net:
             table = pl.DataFrame([_net_angle(p) for p in held])
             noise = {name: net_angles(axis, folds, errors.get(name)) for name, axis in fitted.axes.items()}
-            return Angles(table, bool(folds), noise)
+            freedom = {a: max(1, len(f.design.blocks) - len(f.design.layout.fixed)) for a, f in fitted.axes.items()}
+            return Angles(table, bool(folds), noise, freedom=freedom)
         table = pl.concat([_of_samples(p) for p in held])
         noise = {}
         for name, axis in fitted.axes.items():
@@ -105,7 +108,8 @@ class Angles:
         power = sum(float(np.trace(self.noise[a])) for a in names) / n
         if not count:
             return Level(None, float(np.sqrt(power)))
-        error = float(np.sqrt(2 * sum(float(np.sum(self.noise[a] ** 2)) for a in names))) / n
+        estimated = sum(float(np.trace(self.noise[a])) ** 2 / self.freedom[a] for a in names if a in self.freedom)
+        error = float(np.sqrt(2 * (sum(float(np.sum(self.noise[a] ** 2)) for a in names) + estimated))) / n
         squares = float(((mine["measured_deg"] - mine["modelled_deg"]) ** 2).sum()) / n
         return Level.of(squares, power, error, power / n, count)
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.effects.byte_fault import count_dps_of, lost_carry, single_power
+from gyrocal.effects.byte_fault import lost_carry
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantization import coarse_step_dps, is_whole
+from gyrocal.effects.single_bits import count_dps_of, single_power
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.plausibility.readings import clip_level_dps

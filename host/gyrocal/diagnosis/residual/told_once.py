@@ -21,7 +21,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps, StepsOfRuns, TableWave, Transient, Waves
+from gyrocal.variables.shapes import Course, Shape, ShapeOfEachRun, Steps, StepsOfRuns, TableWave, Transient, Waves
 from gyrocal.variables.table_angle import TableAngle
 from gyrocal.variables.time import Time
 
@@ -108,7 +108,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
 
     A wave in the table's angle is a line in the spectrum too, at another frequency for each rate, unless that line is much
     larger. A line at a higher frequency than means over ``block_s`` show appears in them at a lower one. A transient is told
-    with the time constant that fits best.
+    with the time constant that fits best. A course that repeats is told where no other shape is found.
     """
     transients = [f for f in findings if isinstance(f.shape, Transient)]
     lines = [f for f in findings if f.band_hz is not None and f.band_hz[0] == f.band_hz[1]]
@@ -132,6 +132,8 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
         return low_hz <= abs(hz - round(hz * block_s) / block_s) <= high_hz
 
     def repeated(f: Finding) -> bool:
+        if isinstance(f.shape, Course):
+            return any(other.shape is not None and other is not f for other in findings)
         if isinstance(f.shape, Transient):
             return any(other.strength > f.strength for other in transients)
         if f in of_order:

@@ -1,0 +1,42 @@
+"""The excess that no test of the residual names: an axis whose held-out data hold more than noise is not adequate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal import tails
+from gyrocal.diagnosis.residual.angles import Angles
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.levels import Level
+from gyrocal.diagnosis.residual.rate_unit import rate_text
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Session
+from gyrocal.variables.rate import Rate
+
+
+def left_over(
+    session: Session, levels: Mapping[str, Level], angles: Angles | None, nearest: Mapping[str, Finding], axes: Sequence[str]
+) -> list[Finding]:  # fmt: skip
+    """The excess of each of the ``axes`` beyond its errors as a finding, against the variable that fits best (``nearest``).
+
+    The excess is that of ``angles`` in a session that is judged by them.
+    """
+    mean_s = float(np.mean([run.duration_s for run in session.runs]))
+    out = []
+    for axis in axes:
+        if angles is None:
+            size, se = levels[axis].excess_dps, levels[axis].excess_se_dps
+        else:
+            of_axis = angles.level(axis)
+            size, se = of_axis.excess_deg, of_axis.excess_se_deg
+        if size is None or se is None or size <= POLICY.adequate_errors * se:
+            continue
+        what = f"{rate_text(size)} more" if angles is None else f"{size:.3g} deg of angle more"
+        near, sigma = nearest.get(axis), size / se
+        against, shape = (Rate.name, None) if near is None else (near.against, near.shape)
+        note = f"{what} than noise leaves in held-out data, in no shape that a test knows"
+        size_dps = size if angles is None else size / mean_s
+        out.append(Finding(axis, against, sigma, float(tails.normal(sigma)), size_dps, note, shape))
+    return out
