@@ -13,7 +13,6 @@ An effect that is confounded in this sense is drawn again for all other kinds.
 from __future__ import annotations
 
 import hashlib
-import os
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from . import disturbances, planting
 from .apart import Judge, Seen
-from .frozen import DIGEST
+from .frozen import tree
 from .library import LIMITS, measurable
 from .planting import DIGITAL, PROPORTIONAL, Planted
 from .protocols import draw as draw_recording
@@ -36,8 +35,6 @@ COUNTS = {
 MAIN = ("edge", "misspecified", "null")
 ORDER = ("misspecified", "edge", "misspecified", "null", "misspecified", "edge", "misspecified", "null", "misspecified", "edge")
 SEEDS = {"work": 310_001, "calibration": 520_003}
-SECRET = "GYROCAL_EDGE_SEED"
-"""The environment variable that holds the seed of the frozen part."""
 
 NEAREST = (0.5, 12.0)
 LEAST_SEEN = 2.0
@@ -118,13 +115,10 @@ class Draw:
 
 
 def seed_of(part: str) -> list[int]:
-    """The seed of a part; that of the frozen part is the secret in the environment."""
+    """The seed of a part; that of the frozen part is the code that it judges (``frozen.py``)."""
     if part in SEEDS:
         return [SEEDS[part]]
-    secret = os.environ.get(SECRET, "").strip()
-    if hashlib.sha256(secret.encode()).hexdigest() != DIGEST:
-        raise ValueError(f"the frozen part needs its seed in {SECRET}: what is there has not the committed digest")
-    return np.frombuffer(hashlib.sha256(f"{secret}/cases".encode()).digest(), dtype="<u4").tolist()
+    return np.frombuffer(hashlib.sha256(f"{tree()}/cases".encode()).digest(), dtype="<u4").tolist()
 
 
 def draws(part: str, kinds: tuple[str, ...] = ()) -> list[Draw]:

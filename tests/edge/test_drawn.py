@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from gyrocal.recording.session import Session
 
-from . import disturbances, drawn, library, planting, protocols, recording
+from . import disturbances, drawn, frozen, library, planting, protocols, recording
 from .apart import Judge
 from .drawn import Case, Draw, draws
 from .library import LIMITS, TYPICAL
@@ -38,11 +39,31 @@ def test_parts_hold_their_kinds_in_proportion(part: str, cases: int) -> None:
     assert rest == ({"sets": 200, "unknown": 200, "confounded": 200} if part == "frozen" else {})
 
 
-def test_the_frozen_part_needs_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(drawn.SECRET, "a guess")
-    with pytest.raises(ValueError, match="has not the committed digest"):
-        drawn.seed_of("frozen")
-    assert drawn.seed_of("work") != drawn.seed_of("calibration")
+def test_the_frozen_part_is_drawn_from_the_code_that_it_judges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*arguments: str) -> None:
+        who = ("-c", "user.name=a", "-c", "user.email=a@b")
+        subprocess.run(["git", "-C", str(tmp_path), *who, *arguments], check=True, capture_output=True)
+
+    monkeypatch.delenv(frozen.TREE, raising=False)
+    with pytest.raises(ValueError, match="needs the git checkout"):
+        frozen.tree(tmp_path)
+    code = tmp_path / frozen.JUDGED / "a.py"
+    code.parent.mkdir(parents=True)
+    git("init", "-q")
+    trees = []
+    for text in ("x = 1", "x = 2", "x = 1"):
+        code.write_text(text, encoding="utf-8")
+        with pytest.raises(ValueError, match="commit them"):
+            frozen.tree(tmp_path)
+        git("add", ".")
+        git("commit", "-q", "-m", text)
+        trees.append(frozen.tree(tmp_path))
+    assert trees[0] == trees[2] != trees[1]
+    seeds = []
+    for told in trees[:2]:
+        monkeypatch.setenv(frozen.TREE, told)
+        seeds.append(drawn.seed_of("frozen"))
+    assert len({tuple(seed) for seed in (*seeds, drawn.seed_of("work"), drawn.seed_of("calibration"))}) == 4
 
 
 def test_an_edge_lies_where_it_was_wanted(edge: Case) -> None:
