@@ -68,7 +68,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     density = 2 * fit.noise.white_sd_dps**2 / samples * fit.design.extent_s[1]  # of block means of white noise, dps^2/Hz
     amplitude_dps = float(np.sqrt(2 * sizes[best, -1] * density * trapezoid(humps[best], f)))
     band_hz = (centre * float(np.exp(-width)), centre * float(np.exp(width)))
-    note = f"{rate_text(amplitude_dps)} of irregular period, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
+    note = f"{rate_text(amplitude_dps)} beyond noise, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
     return Finding(
         axis, Frequency.name, float(tails.normal_z(max(chance, np.finfo(np.float64).tiny))), chance, amplitude_dps, note,
         band_hz=band_hz,
