@@ -49,8 +49,10 @@ def without_echoes(
     """The findings of an axis without those that vanish beside the leading one, which comes first.
 
     Tested again are findings whose size or phase differs from run to run, and those against the frequency. Beside one that
-    itself differs from run to run, all others are.
+    itself differs from run to run, all others are. A course that repeats is told where no other shape is found.
     """
+    shaped = [f for f in found if f.shape is not None and not isinstance(f.shape, Course)]
+    found = [f for f in found if not (shaped and isinstance(f.shape, Course))]
     found = sorted(found, key=lambda f: -f.strength)
     first = leader(fitted.axes[axis], found)
     if first is None:
@@ -108,7 +110,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
 
     A wave in the table's angle is a line in the spectrum too, at another frequency for each rate, unless that line is much
     larger. A line at a higher frequency than means over ``block_s`` show appears in them at a lower one. A transient is told
-    with the time constant that fits best. A course that repeats is told where no other shape is found.
+    with the time constant that fits best.
     """
     transients = [f for f in findings if isinstance(f.shape, Transient)]
     lines = [f for f in findings if f.band_hz is not None and f.band_hz[0] == f.band_hz[1]]
@@ -132,8 +134,6 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
         return low_hz <= abs(hz - round(hz * block_s) / block_s) <= high_hz
 
     def repeated(f: Finding) -> bool:
-        if isinstance(f.shape, Course):
-            return any(other.shape is not None and other is not f for other in findings)
         if isinstance(f.shape, Transient):
             return any(other.strength > f.strength for other in transients)
         if f in of_order:
