@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 from typing import TYPE_CHECKING, Any
@@ -214,11 +213,12 @@ class Readings:
     async def _send(self, options: charts.Options) -> None:
         self._in_flight += 1
         try:
-            with contextlib.suppress(TimeoutError):
-                if self._chart.is_deleted:  # the panel was left meanwhile
-                    return
-                how = {"silent": True, "lazyUpdate": True}
-                await self._chart.run_chart_method("setOption", options, how, timeout=2.0)
+            if self._chart.is_deleted:  # the panel was left meanwhile
+                return
+            how = {"silent": True, "lazyUpdate": True}
+            await self._chart.run_chart_method("setOption", options, how, timeout=2.0)
+        except TimeoutError:  # a browser that was busy may have missed it, and nothing else may come
+            self._again()
         finally:
             self._in_flight -= 1
 
