@@ -218,7 +218,8 @@ class Readings:
             how = {"silent": True, "lazyUpdate": True}
             await self._chart.run_chart_method("setOption", options, how, timeout=2.0)
         except TimeoutError:  # a browser that was busy may have missed it, and nothing else may come
-            self._again()
+            if not self._paused:
+                self._again()
         finally:
             self._in_flight -= 1
 
