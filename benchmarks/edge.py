@@ -125,7 +125,7 @@ def judge(job: Job) -> Row:
         try:
             found = diagnose(Session.open(Path(scratch) / "session"))
             answer = found.to_json()
-            by_tests = {(c.effect.id, c.axis): [c.decision, list(c.group)] for c in found.tested}
+            by_tests = {(c.effect.id, c.axis): [c.decision, list(c.group)] for c in getattr(found, "tested", found.candidates)}
             for told, candidate in zip(answer["candidates"], found.candidates, strict=True):
                 told["log_odds"] = candidate.log_odds
                 told["by_tests"] = by_tests[candidate.effect.id, candidate.axis]
