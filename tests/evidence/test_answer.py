@@ -43,7 +43,7 @@ def test_what_is_left_over_by_nothing_changes_no_probability(monkeypatch: pytest
     monkeypatch.setattr(weights, "AMPLITUDES", (1e-9, 1e-9))
     fit = fitted(session(2, lambda t, c, w, k: 4e-4 * abs(w)))
     runs, axis = runs_of(fit), fit.design.axis
-    matrix = Matrix.of(fit, options(runs, axis, [t.effect_id for t in fit.terms]), shapes(runs, axis))
+    matrix = Matrix.of(fit, options(runs, axis, [t.effect_id for t in fit.terms]), shapes(runs))
     found = _Weighing.of(matrix)
     assert found is not None
     assert found.scales.rests

@@ -19,7 +19,7 @@ from .sessions import fitted, session
 def scales() -> Scales:
     fit = fitted(session(1, lambda t, c, w, k: 0.01 * (c - 25), cycles=2, seconds=6.0))
     runs = runs_of(fit)
-    matrix = Matrix.of(fit, hypotheses.options(runs, 2, ["scale", "bias"]), discrepancy.shapes(runs, 2))
+    matrix = Matrix.of(fit, hypotheses.options(runs, 2, ["scale", "bias"]), discrepancy.shapes(runs))
     return Scales(matrix, States.of(matrix))
 
 
@@ -106,7 +106,7 @@ def test_states_are_all_that_the_noise_may_do(scales: Scales) -> None:
 
 def test_what_may_be_left_over_is_a_sum_of_cosines() -> None:
     runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=6.0).runs
-    found = discrepancy.shapes(runs, 2)
+    found = discrepancy.shapes(runs)
     assert any(shape.times is not None for shape in found)
     for shape, run in product((s for s in found if s.against != "rate"), runs):
         part = np.clip((shape.values(run) - shape.low) / (shape.high - shape.low), 0, 1)
@@ -118,8 +118,24 @@ def test_what_may_be_left_over_is_a_sum_of_cosines() -> None:
 def test_what_may_be_left_over_against_the_rate_has_no_part_in_proportion_to_it() -> None:
     """That is the scale, or misalignment, by definition: over the session's rates, bending is all that is left."""
     runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=6.0, rates_dps=(-90.0, -30.0, 0.0, 40.0, 90.0)).runs
-    shape = next(s for s in discrepancy.shapes(runs, 0) if s.against == "rate")
+    shape = next(s for s in discrepancy.shapes(runs) if s.against == "rate")
     columns = np.concatenate([shape.columns(run) for run in runs])
     rates_dps = np.concatenate([np.full(len(run), run.rate_dps[0]) for run in runs])
     assert np.abs(columns).max() > 0.1
     np.testing.assert_allclose(columns.T @ np.column_stack([rates_dps / 90, np.ones(rates_dps.size)]), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("tau_s", [2.0, 5.0, 20.0])
+def test_an_offset_with_the_sign_of_the_turn_that_settles_may_be_left_over(tau_s: float) -> None:
+    """On any axis, also one about which nothing turns: beside such an offset, a warm-up and a misalignment were sure names."""
+    runs = session(1, lambda t, c, w, k: 0.0 * t, cycles=2, seconds=60.0, rates_dps=(-78.0, 78.0)).runs
+    rates_dps = np.concatenate([np.asarray(run.rate_dps) for run in runs])
+    settling = np.sign(rates_dps) * np.concatenate([np.exp(-run.t_s / tau_s) for run in runs])
+    known = np.column_stack([np.ones(rates_dps.size), rates_dps])
+    power = []
+    for shape in discrepancy.shapes(runs):
+        columns = np.column_stack([known, np.concatenate([shape.columns(run) for run in runs])])
+        left = settling - columns @ np.linalg.lstsq(columns, settling, rcond=None)[0]
+        power.append(float(left @ left))
+    alone = settling - known @ np.linalg.lstsq(known, settling, rcond=None)[0]
+    assert min(power) < 0.02 * float(alone @ alone)

@@ -115,7 +115,7 @@ def weigh(fit: AxisFit, present: Sequence[str]) -> Evidence | None:
     options = hypotheses.options(runs_of(fit), fit.design.axis, present)
     if not options:
         return None
-    found = _Weighing.of(Matrix.of(fit, options, discrepancy.shapes(runs_of(fit), fit.design.axis)))
+    found = _Weighing.of(Matrix.of(fit, options, discrepancy.shapes(runs_of(fit))))
     for _ in range(ROUNDS):
         if found is None:
             return None
@@ -148,7 +148,7 @@ def _finer(found: _Weighing) -> Matrix | None:
     for effect, option in moved.items():
         at = max(k for k, o in enumerate(options) if o.effect.id == effect)
         options.insert(at + 1, option)
-    shapes = discrepancy.shapes(runs_of(fit), fit.design.axis)
+    shapes = discrepancy.shapes(runs_of(fit))
     return Matrix.of(fit, options, shapes, released=matrix.released | timing, white_sd_dps=min(white, matrix.white_sd_dps))
 
 

@@ -86,12 +86,12 @@ def _cosines(part: Array) -> Array:
     return waves
 
 
-def shapes(runs: Sequence[Run], axis: int) -> list[Shape]:
-    """Every shape that these runs can show on one axis."""
+def shapes(runs: Sequence[Run]) -> list[Shape]:
+    """Every shape that these runs can show on any axis."""
     known = [run for run in runs if not run.rate_is_mean]
     if not known:
         return []
-    factors = _factors(known, axis)
+    factors = _factors(known)
     out: list[Shape] = []
     seen: list[Array] = []
     for against, values in _variables(runs):
@@ -122,11 +122,11 @@ def _line(course: Array) -> Array:
     return np.asarray(np.linalg.lstsq(line, _cosines(course).T, rcond=None)[0])
 
 
-def _factors(runs: Sequence[Run], axis: int) -> list[Factor]:
-    """The true rate, if the sensor turns about the axis, and its size, if it is neither constant nor the rate itself."""
+def _factors(runs: Sequence[Run]) -> list[Factor]:
+    """The true rate of the table, about whatever axis it turns, and its size, if it is neither constant nor the rate itself."""
     rates_dps = np.concatenate([true_rate_dps(run) for run in runs])
     rms_dps = float(np.sqrt(np.mean(rates_dps**2)))
-    if not rms_dps or all(run.axis_index != axis for run in runs):
+    if not rms_dps:
         return []
     speeds_dps = np.abs(rates_dps)
     one_way = abs(float(rates_dps @ speeds_dps)) > (1 - LEAST_SPREAD) * float(rates_dps @ rates_dps)
@@ -149,6 +149,10 @@ def _variables(runs: Sequence[Run]) -> list[tuple[str, Callable[[Run], Array | N
     def in_cycle_s(run: Run) -> Array | None:
         return cycle_time_s(run) - begins_s[run.scenario]
 
+    def early_s(run: Run) -> Array:
+        """The logarithm of the time in the run from a second on, in which what settles in seconds is smooth."""
+        return np.asarray(np.log1p(elapsed_s(run)))
+
     def along(component: int) -> Callable[[Run], Array | None]:
         def values(run: Run) -> Array | None:
             found = acceleration_g(run)
@@ -157,7 +161,7 @@ def _variables(runs: Sequence[Run]) -> list[tuple[str, Callable[[Run], Array | N
         return values
 
     return [
-        (Time.name, elapsed_s), (PowerOnTime.name, power_on_time_s), ("cycle_time", in_cycle_s),
+        (Time.name, elapsed_s), (Time.name, early_s), (PowerOnTime.name, power_on_time_s), ("cycle_time", in_cycle_s),
         (Temperature.name, temperature_c), (Rate.name, true_rate_dps),
         (Face.name, lambda run: np.full(len(run), run.face_sign)),
         (SLOPE, lambda run: rate_slope_dps_s(run, run.axis_index)),
