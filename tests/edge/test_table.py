@@ -131,9 +131,12 @@ def test_cases_are_run_once_and_resumed(tmp_path: Path) -> None:
     assert benchmark.benchmark("edge", quiet=True, kinds=["null"], stop=1, workers=1, out=out) == found
 
 
-def test_an_unknown_part_or_kind_and_a_missing_seed_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("GYROCAL_EDGE_SEED", raising=False)
-    asked = (("other", (), "no part"), ("work", ("storm",), "no cases of kind"), ("frozen", (), "needs its seed"))
+def test_an_unknown_part_or_kind_and_code_that_is_not_committed_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def changed() -> str:
+        raise ValueError("host/gyrocal has changes that are not committed")
+
+    monkeypatch.setattr("edge.drawn.tree", changed)
+    asked = (("other", (), "no part"), ("work", ("storm",), "no cases of kind"), ("frozen", (), "not committed"))
     for part, kinds, words in asked:
         with pytest.raises(InputError, match=words):
             edge.chosen(part, kinds, 0, None)
