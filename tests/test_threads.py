@@ -29,6 +29,12 @@ def test_what_fails_on_one_axis_fails() -> None:
     assert threads.each(lambda x: x, [], threads.MANY_ROWS) == []
 
 
+def said_by(code: str) -> str:
+    """What a process prints that is told no number of threads."""
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
+
+
 def test_a_blas_that_is_loaded_on_the_way_has_one_thread_too() -> None:
     code = (
         "from threadpoolctl import threadpool_info\n"
@@ -38,9 +44,7 @@ def test_a_blas_that_is_loaded_on_the_way_has_one_thread_too() -> None:
         "    return [p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas']\n"
         "print(sorted({*one_thread(work)()}))\n"
     )
-    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
-    assert said == "[1]\n"
+    assert said_by(code) == "[1]\n"
 
 
 def test_the_command_line_loads_linear_algebra_with_one_thread() -> None:
@@ -54,6 +58,4 @@ def test_the_command_line_loads_linear_algebra_with_one_thread() -> None:
         "from threadpoolctl import threadpool_info\n"
         "print(*(p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas'))\n"
     )
-    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
-    assert said.splitlines()[-1] == "1"
+    assert said_by(code).splitlines()[-1] == "1"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Effect, Role, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.quantities import true_rate_dps
+from gyrocal.effects.quantities import cosines, true_rate_dps
 from gyrocal.recording.session import Array, Run
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -137,13 +137,13 @@ class Course(Columns):
     """Cosines of the time in the run that are the same in all runs, up to ``count`` half periods in ``longest_s``."""
 
     def __init__(self, count: int, longest_s: float) -> None:
-        self.half_turns = np.pi * np.arange(1, count + 1) / longest_s
+        self.longest_s = longest_s
         super().__init__(self._of, count, "in the same course in each run")
 
     def _of(self, run: Run) -> Array | None:
         if run.rate_is_mean:
             return None
-        return np.asarray(np.cos(elapsed_s(run)[:, None] * self.half_turns))
+        return cosines(elapsed_s(run) / self.longest_s, len(self.linear)).T
 
 
 class Waves(Columns):

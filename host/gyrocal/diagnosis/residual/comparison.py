@@ -16,11 +16,11 @@ import numpy as np
 
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.residual.angles import Angles, by_angle
+from gyrocal.diagnosis.residual.beyond_errors import beyond_errors
 from gyrocal.diagnosis.residual.bounded_noise import bounded
 from gyrocal.diagnosis.residual.drawn_size import described, described_again, drawn_power, most_visible, variance
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.judged import Judged
-from gyrocal.diagnosis.residual.left_over import left_over
 from gyrocal.diagnosis.residual.levels import (
     Cleaned,
     Floor,
@@ -246,7 +246,7 @@ def measure(
     told = beside_misfit(fitted, [a for a in fitted.axes if a in failing], {a: d.fit for a, d in drawn.items()})
     together = pooled(squares, floors, plausibility.absent(warnings))
     angles = Angles.of(told, folds) if by_angle(session) else None
-    where += left_over(session, per_axis, angles, misfit.nearest, [a for a in judged if a not in failing])
+    where += beyond_errors(session, per_axis, angles, misfit.nearest, [a for a in judged if a not in failing])
     return Comparison(
         told, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
         misfit.nearest, warnings=warnings, angles=angles,

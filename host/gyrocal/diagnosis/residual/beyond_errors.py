@@ -16,7 +16,7 @@ from gyrocal.recording.session import Session
 from gyrocal.variables.rate import Rate
 
 
-def left_over(
+def beyond_errors(
     session: Session, levels: Mapping[str, Level], angles: Angles | None, nearest: Mapping[str, Finding], axes: Sequence[str]
 ) -> list[Finding]:  # fmt: skip
     """The excess of each of the ``axes`` beyond its errors as a finding, against the variable that fits best (``nearest``).
