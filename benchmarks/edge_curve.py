@@ -38,7 +38,8 @@ def pairs(rows: Sequence[Row], passed: bool) -> list[tuple[float, bool]]:
         for c in row["candidates"]:
             if row["error"] is not None or c.get("log_odds") is None:
                 continue
-            checks = None if c.get("checks") is None else Checks(**c["checks"])
+            said = c.get("checks")
+            checks = None if said is None else Checks(**{k: v for k, v in said.items() if k != "passed"})
             if (checks is None or checks.passed(c["log_odds"])) is passed:
                 out.append((min(float(c["log_odds"]), MOST), (c["effect"], c["axis"]) in right))
     return out

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.quantities import reading_error_dps
@@ -33,6 +34,10 @@ SHOWN = 1e-3
 PROPORTIONAL = 0.75
 """Part of the jumps' mean square that follows the rate if the scale jumps and not the bias."""
 SHUFFLES = 1000
+NEAR = 0.1
+"""Distance in time, as a part of the window, within which jumps of different runs are at the same time."""
+REPEATED = 3
+"""Least number of jumps that are at the time of another."""
 STANDS_OUT = 6.0
 """Standard errors by which the means before and after must differ. Noise does not reach this over all times of a session."""
 
@@ -98,6 +103,22 @@ def follow_the_rate(runs: Sequence[Run], axis: int) -> bool:
     rng = np.random.default_rng(0)
     shuffled = (rng.permutation(sizes_dps) * rng.choice((-1.0, 1.0), (len(steady), 1)) for _ in range(SHUFFLES))
     return sum(followed(other) > share - 1e-9 for other in shuffled) < POLICY.needless * SHUFFLES
+
+
+def repeat_in_runs(runs: Sequence[Run], axis: int) -> bool:
+    """True if jumps are at the same times in several runs, as where the table changes its rate.
+
+    Those of the bias are anywhere.
+    """
+    steady = [r for r in runs if not r.rate_is_mean]
+    times_s = [elapsed_s(r)[jumps(r, axis)] for r in steady]
+    within_s = NEAR * min((_window_s(r) for r in steady), default=0.0)
+    repeated = int(np.count_nonzero(np.diff(np.sort(np.concatenate([np.zeros(0), *times_s]))) < within_s))
+    if repeated < REPEATED:
+        return False
+    number = np.array([t_s.size for t_s in times_s])
+    pairs = (number.sum() ** 2 - np.sum(number**2)) / 2  # of different runs
+    return tails.poisson(repeated, pairs * 2 * within_s / max(r.duration_s for r in steady)) < POLICY.name_alarm
 
 
 def _without_swing(y_dps: Array, rate_dps: Array, duration_s: float) -> Array:
@@ -204,8 +225,8 @@ class BiasJumps(OfEachRun):
         return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False if the jumps are in proportion to the rate: the bias is the same at any rate."""
-        return not follow_the_rate(runs, axis)
+        """False if the jumps are in proportion to the rate or at the same times in several runs: the bias knows of neither."""
+        return not follow_the_rate(runs, axis) and not repeat_in_runs(runs, axis)
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         """The number of times from which the jumps were chosen."""

@@ -203,6 +203,12 @@ class Diagnosis:
         larger="effects that improve only some runs are not named",
         smaller="an effect is named though half of the runs are predicted worse",
     )  # fmt: skip
+    evident_gain_errors: float = threshold(
+        1.5, "standard errors by which the held-out gain must exceed zero for a name that the evidence of sets gives",
+        larger="an effect that hides behind another is not named",
+        smaller="what resembles a disturbance is named though it predicts no better: of such names with a gain of less than "
+        "one error three of three were wrong, with 1.6 to 2 errors none of five (gyrocal benchmark edge --part frozen)",
+    )  # fmt: skip
     shown_by_codes: float = threshold(
         1e-8, "probability of the codes of sound readings below which they show a fault although no gain confirms it",
         larger="one of many sound axes whose codes look odd is given a fault",

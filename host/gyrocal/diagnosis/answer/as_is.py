@@ -85,17 +85,17 @@ def _moved(own: Fit, model: Model, held: Kept) -> list[Moved]:
 def _as_it_is(own: Comparison, held: Kept) -> Comparison:
     """The comparison's levels with the model's own parameters: all of the session is held out from them."""
     folds = [heldout.whole(held.fit)]
-    squares, floors, white, axes = {}, {}, {}, {}
+    squares, floors, axes = {}, {}, {}
     for axis, fitted in held.fit.axes.items():
-        white[axis] = own.white_power[axis]
         squares[axis] = MeanSquares.of(heldout.predictions(held.fit.on(axis), folds))
-        floors[axis] = _with_model_error(floor_of(fitted, folds, white[axis], own.fit.axes[axis]), fitted, held.of_model[axis])
+        floor = floor_of(fitted, folds, own.scatter[axis], own.fit.axes[axis])
+        floors[axis] = _with_model_error(floor, fitted, held.of_model[axis])
         axes[axis] = fitted
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in axes}
     angles = None if own.angles is None else Angles.of(held.fit, folds, held.of_model)
     return replace(
         own, fit=held.fit, pooled=pooled(squares, floors, absent(own.warnings)), per_axis=per_axis,
-        held_out=heldout.SESSION, squares=squares, floors=floors, white_power=white, angles=angles,
+        held_out=heldout.SESSION, squares=squares, floors=floors, angles=angles,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.decision import in_range, meets, proven, sure_gain
+from gyrocal.diagnosis.naming.decision import evident_gain, in_range, meets, proven, sure_gain
 from gyrocal.diagnosis.naming.explained import explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.judge import judge
@@ -77,7 +77,8 @@ def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparis
     known, out = [c.effect.id for c in sure], []
     for c in others:
         again = judge(current, c.effect)
-        if not again.values or again.contradicted or not in_range(again) or (again.gain is not None and again.gain <= 0):
+        held_out = again.gain is None or evident_gain(again)
+        if not again.values or again.contradicted or not in_range(again) or not held_out:
             continue
         known.append(c.effect.id)
         current = current.with_effect(c.effect, again.values)

@@ -107,6 +107,11 @@ def sure_gain(c: Candidate) -> bool:
     return c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
 
 
+def evident_gain(c: Candidate) -> bool:
+    """True if the held-out gain exceeds zero by ``Policy.evident_gain_errors`` standard errors."""
+    return c.gain is not None and c.gain_se is not None and c.gain > POLICY.evident_gain_errors * c.gain_se
+
+
 def in_range(candidate: Candidate) -> bool:
     """True if every linear parameter is at most ``Policy.range_factor`` times its typical size.
 

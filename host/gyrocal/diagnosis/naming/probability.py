@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
-from gyrocal.diagnosis.naming.decision import in_range
+from gyrocal.diagnosis.naming.decision import evident_gain, in_range
 from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
@@ -102,7 +102,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
     sure = {c.axis for c in candidates if c.named and not c.doubted}
 
     def named(c: Candidate) -> bool:
-        told = c.decision in ("add", "suggest") and not c.contradicted and c.gain is not None
+        told = c.decision in ("add", "suggest") and not c.contradicted and evident_gain(c)
         return told and alone(c) and c.axis in failing - sure and in_range(c) and c.sure
 
     found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}

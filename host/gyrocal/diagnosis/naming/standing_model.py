@@ -56,11 +56,6 @@ class Current:
         """The wave over the rate that describes best what the fit leaves."""
         return rate_wave(self.fit)
 
-    @property
-    def white_power(self) -> float:
-        """Mean square of the white noise, dps^2."""
-        return self.comparison.white_power[self.axis]
-
     @cached_property
     def folds(self) -> list[heldout.Fold]:
         """The parts of the data that are left out in turn."""
@@ -118,7 +113,7 @@ class Current:
 
     def floor_of(self, fitted: AxisFit) -> Floor:
         """The floor of another fit's held-out residuals."""
-        return floor_of(self._drawn(fitted), self.folds, self.white_power)
+        return floor_of(self._drawn(fitted), self.folds, self.comparison.scatter[self.axis])
 
     def _drawn(self, fitted: AxisFit) -> AxisFit:
         """Another fit with no more drift than the comparison found beside the misfit of its model."""

@@ -21,19 +21,18 @@ def beyond_errors(
 ) -> list[Finding]:  # fmt: skip
     """The excess of each of the ``axes`` beyond its errors as a finding, against the variable that fits best (``nearest``).
 
-    The excess is that of net ``angles`` in a session that is judged by them. An excess of rates must also be a part of the
-    floor: the level of noise that comes and goes is not known to its standard error. So must that of angles at each sample,
-    whose noise is that of the reference.
+    The excess is that of net ``angles`` in a session that is judged by them. An excess of angles at each sample must also be a
+    part of the floor, because their noise is that of the reference.
     """
     mean_s = float(np.mean([run.duration_s for run in session.runs]))
     out = []
     for axis in axes:
         if angles is None:
-            size, se, floor = levels[axis].excess_dps, levels[axis].excess_se_dps, levels[axis].floor_dps
+            size, se, floor = levels[axis].excess_dps, levels[axis].excess_se_dps, 0.0
         else:
             of_axis = angles.level(axis)
             size, se, floor = of_axis.excess_deg, of_axis.excess_se_deg, of_axis.floor_deg or 0.0
-        least = 0.0 if angles is not None and not angles.of_samples else POLICY.least_excess * floor
+        least = POLICY.least_excess * floor if angles is not None and angles.of_samples else 0.0
         if size is None or se is None or size <= max(POLICY.adequate_errors * se, least):
             continue
         what = f"{rate_text(size)} more" if angles is None else f"{size:.3g} deg of angle more"

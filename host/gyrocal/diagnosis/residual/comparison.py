@@ -12,8 +12,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.residual.angles import Angles, by_angle
 from gyrocal.diagnosis.residual.beyond_errors import beyond_errors
@@ -27,12 +25,13 @@ from gyrocal.diagnosis.residual.levels import (
     Level,
     MeanSquares,
     Remainder,
+    Scatter,
     beside_findings,
     floor_of,
     of_misfit,
     pooled,
+    scatter_of,
     spectrum_of,
-    white_power,
 )
 from gyrocal.diagnosis.residual.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.residual.parameter_moved import Moved
@@ -71,8 +70,8 @@ class Comparison(Judged):
     held_out: str
     """The unit that was left out in turn: ``day``, ``scenario``, ``run`` or ``time``; ``none`` if no unit could be left out."""
     spectra: dict[str, Spectrum] = field(repr=False)
-    white_power: dict[str, float] = field(repr=False)
-    """Mean square of white noise and quantisation by axis, dps^2. This is the fast part of the floor."""
+    scatter: dict[str, Scatter] = field(repr=False)
+    """How the readings scatter within blocks, by axis. This is the fast part of the floor."""
 
     squares: dict[str, MeanSquares] = field(repr=False)
     floors: dict[str, Floor] = field(repr=False)
@@ -147,10 +146,10 @@ class Comparison(Judged):
 
 @dataclass(frozen=True)
 class _Measured:
-    """One axis: in-sample residuals, the power of the white noise (dps^2)."""
+    """One axis: in-sample residuals, and how the readings scatter within blocks."""
 
     remainder: Remainder
-    white_power: float
+    scatter: Scatter
 
 
 @dataclass(frozen=True)
@@ -162,17 +161,17 @@ class _Drawn:
     floor: Floor
 
     @staticmethod
-    def of(fitted: Fit, axis: str, found: Sequence[Finding], folds: list[heldout.Fold], white_power: float) -> _Drawn:
+    def of(fitted: Fit, axis: str, found: Sequence[Finding], folds: list[heldout.Fold], scatter: Scatter) -> _Drawn:
         current = fitted.axes[axis]
         clean = beside_findings(current, axis, found)
         fit = current if clean is current else bounded(current, clean)
         held = heldout.predictions(fitted.on(axis, fit), folds)
         squares = MeanSquares.of(held) if clean is current else of_misfit(fit, held, folds)
-        return _Drawn(fit, squares, floor_of(fit, folds, white_power, clean))
+        return _Drawn(fit, squares, floor_of(fit, folds, scatter, clean))
 
 
 def _drawn(
-    fitted: Fit, misfit: Misfit, folds: list[heldout.Fold], white: dict[str, float], judged: list[str]
+    fitted: Fit, misfit: Misfit, folds: list[heldout.Fold], scatter: dict[str, Scatter], judged: list[str]
 ) -> tuple[dict[str, _Drawn], list[Finding]]:
     """Each axis as it is drawn, and all findings in the words of what is drawn.
 
@@ -181,7 +180,7 @@ def _drawn(
 
     def beside(found: Sequence[Finding], axes: Iterable[str]) -> dict[str, _Drawn]:
         listed = list(axes)
-        of_axes = each(lambda axis: _Drawn.of(fitted, axis, found, folds, white[axis]), listed, fitted.session.rows)
+        of_axes = each(lambda axis: _Drawn.of(fitted, axis, found, folds, scatter[axis]), listed, fitted.session.rows)
         return dict(zip(listed, of_axes, strict=True))
 
     drawn = beside(misfit.found, fitted.axes)
@@ -227,18 +226,16 @@ def measure(
     def measured(axis: str) -> _Measured:
         cleaned = Cleaned.of(fitted, axis)
         lines = spectrum_of(fitted, axis, cleaned.by_run)
-        n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
-        tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
-        return _Measured(Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
+        return _Measured(Remainder(cleaned.by_run, lines), scatter_of(fitted, axis, cleaned, lines))
 
     on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
     spectra = {axis: m.remainder.spectrum for axis, m in on.items()}
-    white = {axis: m.white_power for axis, m in on.items()}
+    scatter = {axis: m.scatter for axis, m in on.items()}
     blocked = plausibility.blocked(warnings, AXES)
     judged = [a for a in fitted.axes if a not in blocked]
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
-    drawn, where = _drawn(fitted, misfit, folds, white, judged)
+    drawn, where = _drawn(fitted, misfit, folds, scatter, judged)
     squares, floors = {a: d.squares for a, d in drawn.items()}, {a: d.floor for a, d in drawn.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
     failing = {f.axis for f in where}
@@ -248,7 +245,7 @@ def measure(
     angles = Angles.of(told, folds) if by_angle(session) else None
     where += beyond_errors(session, per_axis, angles, misfit.nearest, [a for a in judged if a not in failing])
     return Comparison(
-        told, fitted, together, per_axis, where, _held_out(session, folds), spectra, white, squares, floors,
+        told, fitted, together, per_axis, where, _held_out(session, folds), spectra, scatter, squares, floors,
         misfit.nearest, warnings=warnings, angles=angles,
     )  # fmt: skip
 

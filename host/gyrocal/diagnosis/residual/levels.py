@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.probes import beside, with_curves
 from gyrocal.diagnosis.residual.reading_tests import single_readings
+from gyrocal.diagnosis.residual.scatter import BlocksOfRun, Scatter, unevenness
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
@@ -188,23 +189,24 @@ def pooled(squares: Mapping[str, MeanSquares], floors: Mapping[str, Floor], abse
     return Level.of(together, floor)
 
 
-def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float, clean: AxisFit | None = None) -> Floor:
-    """The floor for the prediction of held-out samples by ``axis``, whose noise is ``white_power`` (dps^2) within blocks.
+def floor_of(axis: AxisFit, folds: Sequence[Fold], scatter: Scatter, clean: AxisFit | None = None) -> Floor:
+    """The floor for the prediction of held-out samples by ``axis``, whose readings scatter by ``scatter`` within blocks.
 
     The floor is the sum of the independent parts of the noise; a part that neither of these two contains is added here. The
     noise of measured angles that their slopes keep is taken as ``clean``, the fit beside the findings, leaves it.
     """
+    axis = scatter.noise_of(axis)
     power = expected(axis, folds)
     samples = max(power.samples, 1.0)
     between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
     errors, errors_within = difference_errors(axis, folds)
-    within = white_power * between + power.within / samples
+    within = scatter.power * between + power.within / samples
     if of_slopes(axis):
         within += beyond_color(clean or axis) * power.blocks / samples
     of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
-    return Floor(
-        within + of_cycles, within, errors.noise / samples, errors_within.noise / samples, white_power, white_power * between
-    )  # fmt: skip
+    of_level = scatter.error(int(power.blocks)) * axis.noise.white_sd_dps**2
+    error, error_within = (float(np.hypot(e.noise, of_level)) / samples for e in (errors, errors_within))
+    return Floor(within + of_cycles, within, error, error_within, scatter.power, scatter.power * between)
 
 
 def of_misfit(axis: AxisFit, held: Iterable[Prediction], folds: Sequence[Fold]) -> MeanSquares:
@@ -233,30 +235,30 @@ def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> Ax
 class Cleaned:
     """In-sample residuals of an axis without its outliers.
 
-    ``by_run`` holds the residuals [n] of each run by its index, deg/s; outliers are moved back to their neighbours.
-    ``tail_power`` is the mean square that this takes away, dps^2; 0 if the outliers are a fault of the reading, which the
-    noise's own tail does not explain.
+    ``by_run`` holds the residuals [n] of each run by its index, deg/s; outliers are moved back to their neighbours. ``noisy``
+    are the same with outliers, unless these are a fault of the reading, which is no noise.
     """
 
     by_run: dict[int, Array]
-    tail_power: float
+    noisy: dict[int, Array]
 
     @staticmethod
     def of(fitted: Fit, axis: str) -> Cleaned:
         """The residuals of one axis without outliers, first readings and slow parts."""
         by_run: dict[int, Array] = {}
-        raw: list[Array] = []
-        taken = 0.0
+        raw: dict[int, Array] = {}
         for p in heldout.fitted(fitted.on(axis)):
             residual = p.residual_dps
             residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
             rows, apart_dps = outliers_of(p.run, p.axis, residual)
-            raw.append(residual.copy())
-            residual[rows] -= apart_dps
-            taken += float(np.sum(raw[-1][rows] ** 2 - residual[rows] ** 2))
+            raw[p.run.index] = residual
+            if rows.size:
+                residual = residual.copy()
+                residual[rows] -= apart_dps
             by_run[p.run.index] = residual
-        fault = taken > 0 and single_readings(fitted.session, axis, POLICY.outlier_chance) is not None
-        return Cleaned(by_run, 0.0 if fault else taken / max(1, sum(y.size for y in raw)))
+        moved = any(by_run[k] is not y for k, y in raw.items())
+        fault = moved and single_readings(fitted.session, axis, POLICY.outlier_chance) is not None
+        return Cleaned(by_run, by_run if fault else raw)
 
 
 @dataclass(frozen=True)
@@ -276,15 +278,20 @@ def spectrum_of(fitted: Fit, axis: str, by_run: Mapping[int, Array]) -> Spectrum
     return spectrum(even, rate_hz, count_dps=count_dps)
 
 
-def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
-    """Mean square of the noise of one sample, dps^2: the scatter of residuals within blocks, without spectral lines."""
-    total, count = 0.0, 0
-    for b in fitted.blocks:
-        if b.run.index not in by_run or b.within_n == 0:
+def scatter_of(fitted: Fit, axis: str, cleaned: Cleaned, spectrum: Spectrum) -> Scatter:
+    """The scatter of residuals within blocks, without spectral lines."""
+    runs, total, degrees = [], 0.0, 0
+    for b in fitted.axes[axis].design.blocks:
+        if b.run.index not in cleaned.by_run or b.within_n == 0:
             continue
-        grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
-        total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
-        count += b.within_n
-    if count < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
-        return fitted.axes[axis].noise.white_sd_dps ** 2
-    return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+        rows = b.start[:, None] + np.arange(int(b.n[0]))
+        noisy, clean = (residuals[b.run.index][rows] for residuals in (cleaned.noisy, cleaned.by_run))
+        runs.append(BlocksOfRun.of(noisy, clean, np.ones(b.n.size) if b.weight is None else b.weight))
+        end = slice(int(rows[-1, -1]) + 1, None)
+        last = cleaned.noisy[b.run.index][end][b.run.reached[end]]  # too few for a block, but an outlier may be among them
+        total += float(runs[-1].squares.sum()) + float(np.sum((last - last.mean()) ** 2) if last.size else 0.0)
+        degrees += b.within_n + max(0, last.size - 1)
+    if degrees < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
+        return Scatter(fitted.axes[axis].noise.white_sd_dps ** 2)
+    power = max(total / degrees - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+    return Scatter(power, *unevenness(runs, degrees))

@@ -1,0 +1,70 @@
+"""Noise whose level changes is noise: the floor holds all of it, and the error of the excess that of its loud stretches."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.recording.session import Array, Session
+from make_runs import make_run, make_session
+
+RATE_HZ, WHITE_DPS = 100.0, 0.044
+T_S = np.arange(3000) / RATE_HZ
+Level = Callable[[np.random.Generator], Array]
+
+
+def steps(rng: np.random.Generator) -> Array:
+    """The level changes once, by a factor of up to three."""
+    return np.where(rng.uniform(5, 25) < T_S, np.exp(rng.uniform(-1.1, 1.1)), 1.0)
+
+
+def bursts(rng: np.random.Generator) -> Array:
+    """In three stretches of up to two seconds it is three to eight times as loud."""
+    level = np.ones(T_S.size)
+    for _ in range(3):
+        start = rng.integers(0, T_S.size)
+        level[start : start + rng.integers(5, 200)] = rng.uniform(3, 8)
+    return level
+
+
+def session(level: Level, seed: int, error: Callable[[Array], Array] = np.zeros_like) -> Session:
+    """Four power cycles, face up and down, with a further error of z over the time in the run."""
+    rng, runs = np.random.default_rng(seed), []
+    for cycle in range(4):
+        offset = rng.normal(0, 0.005, 3)
+        for face, sign in (("up", 1.0), ("down", -1.0)):
+            gyro = 0.2 + offset + rng.normal(0, WHITE_DPS, (T_S.size, 3)) * level(rng)[:, None]
+            gyro[:, 2] += 1.002 * 78.0 * sign + error(T_S)
+            runs.append(make_run(T_S, gyro, face=face, scenario=f"s{cycle}", rate_hz=RATE_HZ))
+    return make_session(*runs)
+
+
+@pytest.mark.parametrize("level", [steps, bursts])
+def test_the_floor_is_the_rms_where_the_level_of_the_noise_changes(level: Level) -> None:
+    apart, sure = [], []
+    for seed in range(6):
+        found = compare(session(level, seed))
+        for of_axis in found.per_axis.values():
+            assert of_axis.rms_dps is not None
+            assert of_axis.excess_dps is not None
+            assert of_axis.excess_se_dps is not None
+            assert of_axis.excess_dps <= 3.0 * of_axis.excess_se_dps * (1 + 1e-9)
+            apart.append(of_axis.rms_dps / of_axis.floor_dps - 1)
+        sure.append(found.verdict)
+    assert abs(np.mean(apart)) < 0.01
+    assert sure.count("adequate") >= 5
+
+
+def test_a_slow_error_beside_noise_that_comes_and_goes_is_no_noise() -> None:
+    """The floor takes the scatter within blocks and second differences of block means, in which it has no part."""
+    planted = session(bursts, 3, lambda t_s: 0.05 * np.exp(-t_s / 6.0))
+    excess = 0.05 * float(np.std(np.exp(-T_S / 6.0)))
+    found = compare(planted)
+    level = found.per_axis["z"]
+    assert level.excess_dps is not None
+    assert level.excess_se_dps is not None
+    assert found.verdict == "misfit"
+    assert level.excess_dps == pytest.approx(excess, abs=3 * level.excess_se_dps + 0.2 * excess)
+    assert diagnose(planted).verdict != "adequate"
