@@ -27,13 +27,12 @@ from gyrocal.plausibility.header import corrected_otherwise
 from gyrocal.recording.header import folder_of
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, read_recording
+from gyrocal.recording.mapped import is_log
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
 from gyrocal.warning import Warning
 
 TABLES = (".csv", ".parquet")
-BAG = "metadata.yaml"
-"""A folder with this file is a ROS 2 bag."""
 LONGEST_HEADER = 65536
 """Characters of a first line, in which the names of columns are looked for."""
 
@@ -96,7 +95,7 @@ def apply(
         raise InputError(f"{target}: exists already; choose another name for --out or remove it")
     options = {name: value for name, value in options.items() if value is not None}
     mapped = bool(maps or options)
-    if not mapped and path.is_dir() and not (path / BAG).is_file():
+    if not mapped and not is_log(path):
         session = Session.open(path)
         runs, done = _corrected(session.runs, opened, bias)
         # corrected readings are no whole counts and may exceed the full scale

@@ -36,6 +36,7 @@ def run(
     """
     from gyrocal.calibration.beyond import beyond_of_calibration
     from gyrocal.calibration.calibrate import calibrate, unanswered
+    from gyrocal.calibration.pairs import network_suits
     from gyrocal.errors import InputError
     from gyrocal.extras import lacking
     from gyrocal.plausibility import check
@@ -66,7 +67,7 @@ def run(
     warnings = check(opened, model)
     found = [e for e in calibrate(opened, spans, methods, model, warnings) if axis in (None, e.axis)]
     warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
-    if method is None and lacking("net") and any(e.method == "baseline" for e in found):
+    if method is None and lacking("net") and network_suits(opened):
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
     if as_json:
         budget = [row for e in found for row in e.budget_json()]

@@ -11,14 +11,14 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import UNREADABLE
 from gyrocal.present.output import stdout, table
-from gyrocal.recording import readers
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.header import folder_of
+from gyrocal.recording.mapped import data_file, files_of, is_log, source_of
 from gyrocal.recording.plan_file import PlannedRuns
 from gyrocal.recording.session import Session
+from gyrocal.units import number_of
 
-BAG = "metadata.yaml"
 PLAN = "gyrocal-plan"
 """What the format of a plan begins with."""
 
@@ -26,7 +26,7 @@ PLAN = "gyrocal-plan"
 def holds(source: Path) -> dict[str, Any]:
     """What lies there; ``kind`` is session, model, plan or log. Raises InputError if it is none of these."""
     path = folder_of(source)
-    if path.is_dir() and not (path / BAG).is_file():
+    if not is_log(path):
         return _session(Session.open(path))
     if path.suffix == ".toml":
         return _plan(path) if _format(path).startswith(PLAN) else _model(Model.open(path))
@@ -62,10 +62,11 @@ def _plan(path: Path) -> dict[str, Any]:
 
 
 def _log(path: Path) -> dict[str, Any]:
-    source = readers.read(path)
-    found: dict[str, Any] = {"kind": "log", "rows": source.frame.height, "columns": source.frame.columns}
+    sources = [source_of(files) for files in files_of(data_file(path))]
+    columns = list(dict.fromkeys(name for source in sources for name in source.frame.columns))
+    found: dict[str, Any] = {"kind": "log", "rows": sum(source.frame.height for source in sources), "columns": columns}
     try:
-        return found | {"guessed": [g.map for g in guess(source, Scaling())], "unknown": None}
+        return found | {"guessed": [g.map for g in guess(sources[0], Scaling())], "unknown": None}
     except InputError as error:
         return found | {"guessed": [], "unknown": str(error)}
 
@@ -74,19 +75,20 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
     """What :func:`holds` has found, in words."""
     kind = found["kind"]
     if kind == "log":
-        stdout.print(f"{source}: a log of {found['rows']} rows with the columns {', '.join(found['columns'])}")
+        stdout.print(f"{source}: a log of {number_of(found['rows'], 'row')} with the columns {', '.join(found['columns'])}")
         stdout.print(found["unknown"] or "gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
     elif kind == "model":
         stdout.print(f"{source}: a model, {found['name']}")
         rows = [[p["effect"], p["axis"], p["name"], f"{p['value']:.6g}"] for p in found["parameters"]]
         table("", ["effect:", "axis:", "parameter:", "value"], rows)
     elif kind == "plan":
-        stdout.print(f"{source}: a plan of {len(found['runs'])} runs")
+        stdout.print(f"{source}: a plan of {number_of(len(found['runs']), 'run')}")
         names = list(found["runs"][0]) if found["runs"] else []
         table("", [f"{name}:" for name in names], [[_cell(value) for value in run.values()] for run in found["runs"]])
     else:
         about = f"axis {found['axis']}, {found['sample_rate_hz']:g} Hz, {found['sensor'] or 'no sensor named'}"
-        stdout.print(f"{source}: a session of {len(found['runs'])} runs, {about}; columns {', '.join(found['columns'])}")
+        runs = number_of(len(found["runs"]), "run")
+        stdout.print(f"{source}: a session of {runs}, {about}; columns {', '.join(found['columns'])}")
         names = ["file", "scenario", "face", "axis", "table_rate_dps", "turn_deg", "samples", "seconds"]
         table("", [f"{name}:" for name in names], [[_cell(run[name]) for name in names] for run in found["runs"]])
 
