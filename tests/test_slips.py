@@ -77,7 +77,7 @@ HINTS = {
     "apply good.csv --out c.csv": "Missing option '--model'",
     "apply good.csv --model default --out c.csv": "make one with `gyrocal explain` or `gyrocal add`",
     "apply good.csv --model default --out good.csv": "choose another name for --out",
-    "apply good.csv --model default --out c.txt": "tables that end in .csv or .parquet",
+    "apply good.csv --model default --out c.txt": "tables that end in .csv, .csv.gz or .parquet",
     "export --format kalibr --out e": "give it with --model",
     "export --model default --format betaflight --out e": "there are header",
     "firmware s": "give a new folder",

@@ -32,7 +32,7 @@ from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
 from gyrocal.warning import Warning
 
-TABLES = (".csv", ".parquet")
+TABLES = (".csv", ".csv.gz", ".parquet")
 LONGEST_HEADER = 65536
 """Characters of a first line, in which the names of columns are looked for."""
 
@@ -74,9 +74,9 @@ def apply(
 ) -> Applied:  # fmt: skip
     """Write the recording ``source`` to ``out`` with the model's effects removed from its readings.
 
-    A session folder gives a session. Any log that can be imported gives a table (``.csv`` or ``.parquet``) with the columns of
-    a session and no true rate. A table that has these columns itself is taken as it is: its times, references and all other
-    columns stay.
+    A session folder gives a session. Any log that can be imported gives a table (``.csv``, ``.csv.gz`` or ``.parquet``) with
+    the columns of a session and no true rate. A table that has these columns itself is taken as it is: its times, references
+    and all other columns stay.
 
     Args:
         source: a session folder, or a log.
@@ -101,8 +101,9 @@ def apply(
         # corrected readings are no whole counts and may exceed the full scale
         replace(session.with_runs(runs), lsb_dps=None, full_scale_dps=None).save(target)
         return done
-    if target.suffix not in TABLES:
-        raise InputError(f"{target}: logs are corrected into tables that end in {' or '.join(TABLES)}; give --out such a name")
+    if not target.name.endswith(TABLES):
+        endings = f"{', '.join(TABLES[:-1])} or {TABLES[-1]}"
+        raise InputError(f"{target}: logs are corrected into tables that end in {endings}; give --out such a name")
     if not mapped and _has_the_columns_of_a_session(path):
         log = Log(read_table(path))
     else:

@@ -10,13 +10,13 @@ from typing import Any
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import UNREADABLE
-from gyrocal.present.output import stdout, table
+from gyrocal.present.output import plus_minus, stdout, table
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.header import folder_of
 from gyrocal.recording.mapped import data_file, files_of, is_log, source_of
 from gyrocal.recording.plan_file import PlannedRuns
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from gyrocal.units import number_of
 
 PLAN = "gyrocal-plan"
@@ -54,7 +54,11 @@ def _session(session: Session) -> dict[str, Any]:
 
 
 def _model(model: Model) -> dict[str, Any]:
-    return {"kind": "model", "name": model.name, "model": model.ids, "parameters": model.values_json()}
+    accelerometer = None if model.accelerometer is None else model.accelerometer.to_json()
+    return {
+        "kind": "model", "name": model.name, "model": model.ids, "parameters": model.values_json(),
+        "accelerometer": accelerometer,
+    }  # fmt: skip
 
 
 def _plan(path: Path) -> dict[str, Any]:
@@ -79,7 +83,9 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
         stdout.print(found["unknown"] or "gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
     elif kind == "model":
         stdout.print(f"{source}: a model, {found['name']}")
-        rows = [[p["effect"], p["axis"], p["name"], f"{p['value']:.6g}"] for p in found["parameters"]]
+        rows = [[p["effect"], p["axis"], p["name"], _value(p["value"], p["se"])] for p in found["parameters"]]
+        if found["accelerometer"] is not None:
+            rows += _accelerometer_rows(found["accelerometer"])
         table("", ["effect:", "axis:", "parameter:", "value"], rows)
     elif kind == "plan":
         stdout.print(f"{source}: a plan of {number_of(len(found['runs']), 'run')}")
@@ -91,6 +97,21 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
         stdout.print(f"{source}: a session of {runs}, {about}; columns {', '.join(found['columns'])}")
         names = ["file", "scenario", "face", "axis", "table_rate_dps", "turn_deg", "samples", "seconds"]
         table("", [f"{name}:" for name in names], [[_cell(run[name]) for name in names] for run in found["runs"]])
+
+
+def _value(value: float, se: float | None) -> str:
+    return f"{value:.6g}" if se is None else plus_minus(value, se)
+
+
+def _accelerometer_rows(found: dict[str, Any]) -> list[list[str]]:
+    """Scale and bias of the accelerometer, and what an axis reads of the acceleration along another one."""
+    rows = []
+    for i, axis in enumerate(AXES):
+        parts = {"scale": (found["scale"], found["scale_se"]), "bias_g": (found["bias_g"], found["bias_se_g"])}
+        rows += [["accelerometer", axis, name, _value(values[axis], se[axis])] for name, (values, se) in parts.items()]
+        cross = zip(found["matrix"][i][:i], found["matrix_se"][i][:i], strict=True)
+        rows += [["accelerometer", axis, f"of {AXES[j]}", _value(value, se)] for j, (value, se) in enumerate(cross)]
+    return rows
 
 
 def _cell(value: Any) -> str:
