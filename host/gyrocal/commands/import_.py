@@ -97,6 +97,10 @@ def run(
     axis: Annotated[str | None, typer.Option(help="The sensor's axis along the table's: x, y or z (z).")] = None,
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
     rate: Annotated[float | None, typer.Option(help="The table's true rate, dps, signed; 0 = at rest.")] = None,
+    rates: Annotated[
+        str | None,
+        typer.Option(metavar="R,...", help="The table's true rates: a run of each plateau, at the nearest one or at rest."),
+    ] = None,
     turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of a rate, deg.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Runs of one power cycle share it.")] = None,
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
@@ -123,7 +127,7 @@ def run(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
         names_of(columns), skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
-        joined or (),
+        joined or (), _rates(rates),
     ))  # fmt: skip
     _preview(found, preview)
     _agreed(found, yes, as_json)
@@ -139,6 +143,15 @@ def _cuts(runs: list[str] | None, sections: Path | None) -> "list[Cut]":
     from gyrocal.recording.cut import Cut, read_sections
 
     return [*(Cut.parse(text) for text in runs or ()), *(read_sections(sections) if sections is not None else ())]
+
+
+def _rates(rates: str | None) -> list[float]:
+    from gyrocal.errors import InputError
+
+    try:
+        return [float(rate) for rate in rates.split(",")] if rates is not None else []
+    except ValueError:
+        raise InputError(f"--rates {rates}: the table's rates in dps with commas, for example 45,-45,90,-90") from None
 
 
 def _facts(given: dict[str, Any]) -> dict[str, Any]:

@@ -111,8 +111,9 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     of_reference = with_second(with_gravity(options, existing))
     options = of_reference.options
     files = files_of(path, options.joined)
-    if len(files) > 1 and options.cuts:
-        raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
+    if len(files) > 1 and (options.cuts or options.rates):
+        raise InputError(f"{path}: {len(files)} files, each a run; --run, --sections and --rates cut a single file")
+    options.check_rates()
     runs: list[Run] = []
     warnings: list[Warning] = []
     repaired: dict[str, int] = {}
@@ -176,18 +177,23 @@ def _read_file(files: Files, options: Options, number: int, named: bool) -> Impo
     def named_so(name: str) -> dict[str, Any]:
         """What a run's name says, as ``x_rot`` of its axis, or its file's name; a run by hand has no rate."""
         found = labels | check_meta(labels_of(name), f"run {name}")
-        return {key: value for key, value in found.items() if key not in left}
+        return {key: value for key, value in found.items() if key not in left and key not in options.defaults}
 
     defaults = {**labels, **options.defaults}
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
     kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
     cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
-    cuts = with_meta(cuts, options.run_meta, options.defaults, named_so)
+    power_on_s = options.defaults.get("power_on_s")
+    of_runs = {key: value for key, value in options.defaults.items() if key != "power_on_s"}
+    cuts = with_meta(cuts, options.run_meta, of_runs, named_so)
     rests = 0
-    if not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
+    if options.rates:
+        cuts = plateaus.at_rates(source.label, table.columns, cuts[0], options.rates)
+    elif not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
         cuts = plateaus.cut(source.label, table.columns, cuts[0])
         rests = len(cuts) - 1
+    cuts = [_since_power_on(cut, table, power_on_s) for cut in cuts]
     check_names_differ(cuts)
     evened: list[Warning] = []
     runs = [
@@ -280,6 +286,15 @@ def _run(
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
         turn_se_deg=meta.get("turn_se_deg"), reference=options.reference,
     )  # fmt: skip
+
+
+def _since_power_on(cut: Cut, table: Converted, power_on_s: float | None) -> Cut:
+    """The cut with the time since power-on of its first sample; ``power_on_s`` is that of the table's first one."""
+    if power_on_s is None or "power_on_s" in cut.meta:
+        return cut
+    t_s = table.columns["t_s"]
+    later_s = float(t_s[min(max(_place(table, cut.start, 0), 0), t_s.size - 1)] - t_s[0])
+    return replace(cut, meta={**cut.meta, "power_on_s": round(power_on_s + later_s, 6)})
 
 
 def _face(meta: Mapping[str, Any], columns: Mapping[str, Array], axis: str) -> str:
