@@ -44,6 +44,10 @@ Runs = Annotated[
     typer.Option("--run", metavar=CUT, help="Cut a run: rows (from 0) or seconds (5.2s), the end not taken."),
 ]
 Sections = Annotated[Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')]
+Rates = Annotated[
+    str | None,
+    typer.Option(metavar="R,...", help="The table's true rates: a run of each plateau, at the nearest one or at rest."),
+]
 RunMeta = Annotated[
     list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names match, e.g. '*_rot:turn=360'.")
 ]
@@ -97,10 +101,7 @@ def run(
     axis: Annotated[str | None, typer.Option(help="The sensor's axis along the table's: x, y or z (z).")] = None,
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
     rate: Annotated[float | None, typer.Option(help="The table's true rate, dps, signed; 0 = at rest.")] = None,
-    rates: Annotated[
-        str | None,
-        typer.Option(metavar="R,...", help="The table's true rates: a run of each plateau, at the nearest one or at rest."),
-    ] = None,
+    rates: Rates = None,
     turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of a rate, deg.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Runs of one power cycle share it.")] = None,
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
@@ -119,12 +120,11 @@ def run(
     from gyrocal.recording.column_map import Scaling
     from gyrocal.recording.import_options import Options
 
-    given = {
-        "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
-        "power_on_s": power_on_s,
-    }  # fmt: skip
+    facts = _facts(
+        face=face, axis=axis, table_rate_dps=rate, turn_deg=turn_deg, scenario=scenario, day=day, power_on_s=power_on_s
+    )
     found = _read(src, out, append, Options(
-        maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
+        maps or (), _cuts(runs, sections), run_meta or (), facts, axis, Scaling(rate_hz, lsb_dps, lsb_g),
         names_of(columns), skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
         joined or (), _rates(rates),
@@ -154,7 +154,7 @@ def _rates(rates: str | None) -> list[float]:
         raise InputError(f"--rates {rates}: the table's rates in dps with commas, for example 45,-45,90,-90") from None
 
 
-def _facts(given: dict[str, Any]) -> dict[str, Any]:
+def _facts(**given: Any) -> dict[str, Any]:
     from gyrocal.recording.cut import check_meta
 
     facts: dict[str, Any] = {}
