@@ -252,6 +252,7 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
     from gyrocal.plausibility import check
     from gyrocal.present.output import emit
     from gyrocal.present.report import print_warnings
+    from gyrocal.units import number_of
 
     warnings = [*found.warnings, *check(session)]
     samples = sum(len(r) for r in session.runs)
@@ -263,6 +264,12 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
         })  # fmt: skip
         return
     print_warnings(warnings)
-    print(f"{out}: {len(session.runs)} run{'s' * (len(session.runs) != 1)}, {samples} samples at {session.sample_rate_hz:g} Hz")
+    runs, cycles = number_of(len(session.runs), "run"), number_of(len(session.scenarios), "power cycle")
+    print(f"{out}: {runs}, {samples} samples at {session.sample_rate_hz:g} Hz, {cycles}")
+    if found.recordings > 1 and len(found.session.scenarios) == 1:
+        print(
+            f"The {found.recordings} files are taken for one power cycle. If the sensor was off between them, name each: "
+            "--run-meta 'PATTERN:scenario=NAME' for the files whose names fit, or file names such as s003_up_78dps"
+        )
     for what, count in found.repaired.items():
         print(f"{count} {REPAIRED[what]}")

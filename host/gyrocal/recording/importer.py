@@ -50,6 +50,8 @@ class Imported:
     repaired: Mapping[str, int]
     first_rows: tuple[Taken, ...] = ()
     """The columns with their first cells: of a folder, those of its first file, and those that another file has otherwise."""
+    recordings: int = 1
+    """Number of recordings, each with a file of its own."""
 
     def save(self, out: str | Path, *, append: bool = False) -> Session:
         """Write the session into a new folder, or add its runs to one. Nothing is written if that fails."""
@@ -122,8 +124,9 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     number = len(existing.runs) if existing else 0
     axis = options.axis or (existing.axis if existing else None)
     corrected = {existing.corrected} if existing else set[str | None]()
+    names = [_stem(file.gyroscope) for file in files] if len(files) > 1 else []
     for file in files:
-        read = _read_file(file, replace(options, axis=axis), number + len(runs), named=len(files) > 1)
+        read = _read_file(file, replace(options, axis=axis), number + len(runs), names)
         runs += read.session.runs
         corrected.add(read.session.corrected)
         _check_alike(file.gyroscope, corrected)
@@ -141,7 +144,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
     repaired |= {"resampled": slowed} if slowed else {}
     return Imported(
-        session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows)
+        session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows), len(files)
     )
 
 
@@ -152,8 +155,12 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
         raise InputError(f"{file}: a session cannot hold {kinds}; import this recording into a session of its own")
 
 
-def _read_file(files: Files, options: Options, number: int, named: bool) -> Imported:
-    """The runs of one recording; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
+def _stem(path: Path) -> str:
+    return path.name.split(".")[0]
+
+
+def _read_file(files: Files, options: Options, number: int, names: Sequence[str]) -> Imported:
+    """The runs of one recording; ``number`` is the first run's, and ``names`` are those of all files where each is a run."""
     path, mapped = files.gyroscope, mapped_columns(files, options)
     mappings, source = mapped.mappings, mapped.source
     axis = options.axis or only_axis(mappings)
@@ -170,7 +177,7 @@ def _read_file(files: Files, options: Options, number: int, named: bool) -> Impo
         start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
         more = options.second.columns(table.columns["t_s"], start_s, options.scaling)
         table = replace(table, columns={**table.columns, **more})
-    stem = path.name.split(".")[0]
+    stem = _stem(path)
     labels = check_meta(labels_of(stem), str(path))
     left = {"table_rate_dps"} if options.gravity else set[str]()
 
@@ -183,10 +190,10 @@ def _read_file(files: Files, options: Options, number: int, named: bool) -> Impo
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
     kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
-    cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
+    cuts = list(options.cuts) or [Cut(stem if names else f"{number:03d}_{kind}")]
     power_on_s = options.defaults.get("power_on_s")
     of_runs = {key: value for key, value in options.defaults.items() if key != "power_on_s"}
-    cuts = with_meta(cuts, options.run_meta, of_runs, named_so)
+    cuts = with_meta(cuts, options.run_meta, of_runs, named_so, names)
     rests = 0
     if options.rates:
         cuts = plateaus.at_rates(source.label, table.columns, cuts[0], options.rates)
