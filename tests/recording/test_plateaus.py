@@ -117,6 +117,7 @@ def test_the_table_s_rates_make_a_run_of_each_plateau(face: str, sign: int, tmp_
     assert main(["import", str(path), str(out), "--rates", "45,-45,78", "--face", face, "--power-on-s", "3"]) == 0
     runs = Session.open(out).runs
     assert [run.table_rate_dps for run in runs] == rates
+    assert float(runs[-1].gyro_dps[-1, 2]) == pytest.approx(float(np.loadtxt(path, delimiter=",", skiprows=1)[-1, 3]))
     assert [run.file for run in runs] == ["rest_1.csv", "z_1.csv", "rest_2.csv", "z_2.csv", "z_3.csv", "z_4.csv"]
     (estimate,) = calibrate(Session.open(out), [5.0], ["model"])
     assert estimate.scale == pytest.approx(SCALE, abs=4e-4)

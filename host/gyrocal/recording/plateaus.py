@@ -122,7 +122,8 @@ def at_rates(label: str, columns: Mapping[str, Array], whole: Cut, rates_dps: Se
     for p, name in zip(found, _names(found), strict=True):
         rate_dps = 0.0 if p.at_rest else _nearest(label, p, rates_dps, sign)
         facts = {"table_rate_dps": rate_dps} | ({} if p.at_rest else {"axis": AXES[p.axis]})
-        cuts.append(Cut(name, Edge(p.start_s, True), Edge(p.stop_s, True), {**whole.meta, **facts}))
+        stop = None if p.stop == columns["t_s"].size else Edge(p.stop_s, True)
+        cuts.append(Cut(name, Edge(p.start_s, True), stop, {**whole.meta, **facts}))
     used = {cut.meta["table_rate_dps"] for cut in cuts}
     unused = [rate for rate in rates_dps if rate not in used and rate != 0]
     if unused or not cuts:
