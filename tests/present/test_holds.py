@@ -47,3 +47,12 @@ def test_one_run_is_told_in_the_singular(tmp_path: Path, capsys: pytest.CaptureF
     )
     assert main(["info", str(lab)]) == 0
     assert "a session of 1 run, axis z" in capsys.readouterr().out
+
+
+def test_a_unit_that_nothing_decides_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pl.DataFrame({"time": T_S, "yaw_rate": 2 * np.sin(9 * T_S)}).write_csv(tmp_path / "arm.csv")
+    assert main(["info", str(tmp_path / "arm.csv")]) == 0
+    out = capsys.readouterr().out
+    assert "gz_dps=yaw_rate" in out
+    assert "the unit of yaw_rate is not known" in out
+    assert holds(tmp_path / "arm.csv")["unknown"] in out.replace("\n", " ")

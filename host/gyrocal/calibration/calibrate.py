@@ -212,6 +212,11 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
+    if not any(np.any(run.rate_dps) for run in session.runs if not run.rate_is_mean):
+        return (
+            "at rest only the bias can be determined: `gyrocal explain SESSION --model M.toml` writes it into a model. For the "
+            "scale, record both faces, or a known turn too"
+        )
     return "scale and bias cannot be determined; record both faces, or rest and a known turn"
 
 
@@ -320,6 +325,8 @@ def _by_model(
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
+        if axis in of_slopes:  # a fitted model knows the sensor's noise at low frequencies, which that of slopes exceeds
+            calibration = replace(calibration, noise=replace(calibration.noise, white_sd_dps=of_slopes[axis]))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
             drift_dps = drift_sd_dps(max(run.duration_s for run in mine))

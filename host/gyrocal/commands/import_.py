@@ -240,11 +240,10 @@ def decided(found: "Imported") -> None:
 
     asked = [g for g in found.guessed if g.asks]
     if asked:
-        stated, _, unit = asked[0].map.rpartition(":")
-        other = "dps" if unit == "rad/s" else "rad/s"
+        other = "dps" if asked[0].map.endswith(":rad/s") else "rad/s"
+        lines = " ".join(f"--map '{g.map}'" for g in asked)
         raise InputError(
-            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): nothing in the recording decides between "
-            f"them. Say which it is: {' '.join(f'--map {chr(39)}{g.map}{chr(39)}' for g in asked)}, or :{other} in each"
+            f"{asked[0].question}: nothing in the recording decides between them. Say which it is: {lines}, or :{other} in each"
         )
 
 

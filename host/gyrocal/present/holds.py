@@ -70,7 +70,9 @@ def _log(path: Path) -> dict[str, Any]:
     columns = list(dict.fromkeys(name for source in sources for name in source.frame.columns))
     found: dict[str, Any] = {"kind": "log", "rows": sum(source.frame.height for source in sources), "columns": columns}
     try:
-        return found | {"guessed": [g.map for g in guess(sources[0], Scaling())], "unknown": None}
+        guessed = guess(sources[0], Scaling())
+        question = next((g.question for g in guessed if g.asks), None)
+        return found | {"guessed": [g.map for g in guessed], "unknown": question}
     except InputError as error:
         return found | {"guessed": [], "unknown": str(error)}
 
@@ -80,7 +82,10 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
     kind = found["kind"]
     if kind == "log":
         stdout.print(f"{source}: a log of {number_of(found['rows'], 'row')} with the columns {', '.join(found['columns'])}")
-        stdout.print(found["unknown"] or "gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
+        if found["guessed"]:
+            stdout.print("gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
+        if found["unknown"]:
+            stdout.print(found["unknown"], markup=False)
     elif kind == "model":
         stdout.print(f"{source}: a model, {found['name']}")
         rows = [[p["effect"], p["axis"], p["name"], _value(p["value"], p["se"])] for p in found["parameters"]]

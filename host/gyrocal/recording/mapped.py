@@ -9,7 +9,7 @@ from pathlib import Path
 from gyrocal.errors import InputError
 from gyrocal.recording import joined, readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
-from gyrocal.recording.guess import Guess, guess
+from gyrocal.recording.guess import Guess, guess, time_column
 from gyrocal.recording.guess_units import Known, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
@@ -81,6 +81,9 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
         if options.second is not None:
             return options.second.typical_rate_dps(scaling)
         columns = {m.target: source.numbers(m) for m in mappings}
+        time = time_column(source)
+        if "t_s" not in columns and time is not None:
+            columns["t_s"] = source.numbers(ColumnMap.parse(time.map, scaling))
         return typical_rate_dps(columns["t_s"], columns) if "t_s" in columns else None
 
     known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
