@@ -104,13 +104,14 @@ def show_explain(
         emit(found.to_json())
         return
     rows = [
-        [", ".join(s.effects), ", ".join(s.axes), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
+        [", ".join(s.effects), ", ".join(sorted(s.axes)), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
          "yes" if s.matters else "no"]
         for s in found.steps
     ]  # fmt: skip
-    table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
+    if rows:
+        table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
     print_diagnosis(found.last, path, None if model is None else str(model))
-    if found.steps:
+    if found.verdict != "implausible":
         stdout.print(f"{model or NOT_KEPT}: {', '.join(found.model.ids)}")
     if found.verdict == "adequate" and found.steps:
         compared = found.last.comparison.to_json()
