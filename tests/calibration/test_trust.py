@@ -235,6 +235,16 @@ def test_a_bias_that_moves_between_the_runs_of_a_power_cycle_is_in_the_errors(be
     assert sound >= 0.9 if between_dps == 0 else sound <= 0.02
 
 
+def test_runs_that_a_pair_leaves_out_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pair = session()
+    more = [replace(run, index=2 + k, file=f"more_{k}.csv") for k, run in enumerate(pair.runs)]
+    pair.save(tmp_path / "two")
+    pair.with_runs([*pair.runs, *more]).save(tmp_path / "four")
+    for folder, options, told in (("two", [], False), ("four", [], True), ("four", ["--method", "model"], False)):
+        assert main(["calibrate", str(tmp_path / folder), "--seconds", "6", *options]) == 0
+        assert ("--method model takes all 4." in capsys.readouterr().out) is told
+
+
 def test_a_network_claims_its_own_errors_only_where_the_campaign_is_known() -> None:
     """A slow spin-up, three times the campaign's usual size: the network's own error is too small."""
     spun = session(lambda y, w: y - 0.004 * w * np.exp(-np.arange(y.size) / RATE_HZ / 8.0))

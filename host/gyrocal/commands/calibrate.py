@@ -73,6 +73,8 @@ def run(
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
     _show(found, warnings)
+    if method is None:
+        _tell_of_other_runs(opened, found)
 
 
 def _tell_what_is_left_out(session: "Session") -> None:
@@ -83,6 +85,16 @@ def _tell_what_is_left_out(session: "Session") -> None:
 
     if lacking("net") and network_suits(session):
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
+
+
+def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]") -> None:
+    """Say that the model method takes the runs of a power cycle which a pair leaves out."""
+    from gyrocal.present.output import stdout
+
+    of_pairs = {e.scenario for e in found} if all(e.method != "model" for e in found) else set()
+    most = max((len(runs) for scenario, runs in session.by_scenario() if scenario in of_pairs), default=0)
+    if most > 2:
+        stdout.print(f"These answers are of two recordings of a power cycle; --method model takes all {most}.")
 
 
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:
