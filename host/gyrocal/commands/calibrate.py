@@ -73,8 +73,7 @@ def run(
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
     _show(found, warnings)
-    if method is None:
-        _tell_of_other_runs(opened, found)
+    _tell_of_other_runs(opened, found, methods)
 
 
 def _tell_what_is_left_out(session: "Session") -> None:
@@ -87,11 +86,12 @@ def _tell_what_is_left_out(session: "Session") -> None:
         stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
 
 
-def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]") -> None:
-    """Say that the model method takes the runs of a power cycle which a pair leaves out."""
+def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]", asked: list[str] | None) -> None:
+    """Say that the model method takes the runs of a power cycle which a pair leaves out, unless methods were asked for."""
     from gyrocal.present.output import stdout
 
-    of_pairs = {e.scenario for e in found} if all(e.method != "model" for e in found) else set()
+    by_pairs = asked is None and all(e.method != "model" for e in found)
+    of_pairs = {e.scenario for e in found} if by_pairs else set()
     most = max((len(runs) for scenario, runs in session.by_scenario() if scenario in of_pairs), default=0)
     if most > 2:
         stdout.print(f"These answers are of two recordings of a power cycle; --method model takes all {most}.")
