@@ -214,8 +214,8 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
     if not any(np.any(run.rate_dps) for run in session.runs if not run.rate_is_mean):
         return (
-            "at rest only the bias can be determined: `gyrocal explain SESSION --model M.toml` writes it into a model. For the "
-            "scale, record both faces, or a known turn too"
+            "at rest the scale cannot be determined; record both faces, or a known turn too. The bias can: `gyrocal explain "
+            "SESSION --model M.toml` writes it into a model"
         )
     return "scale and bias cannot be determined; record both faces, or rest and a known turn"
 
