@@ -105,6 +105,18 @@ def test_calibrate_leaves_the_network_out_and_says_so(session: str, capsys: pyte
 
 
 @pytest.mark.usefixtures("bare")
+def test_a_network_that_does_not_suit_is_not_missed(capsys: pytest.CaptureFixture[str]) -> None:
+    """At another table rate the network has no answer, with onnxruntime or without."""
+    assert main(["simulate", "slow", "--campaign", "full", "--scenarios", "1", "--seconds", "5", "-q"]) == 0
+    table = Path("slow/session.toml")
+    table.write_text(re.sub(r'scenario = "\w+"', 'scenario = "one"', table.read_text()))
+    assert main(["calibrate", "slow", "--seconds", "4", "--json"]) == 0
+    told = capsys.readouterr()
+    assert "baseline" in {e["method"] for e in json.loads(told.out)["estimates"]}
+    assert told.err == ""
+
+
+@pytest.mark.usefixtures("bare")
 def test_a_picture_in_python_names_what_draws_it(session: str) -> None:
     with pytest.raises(InputError, match=r"pip install 'gyrocal\[plot\]'"):
         api.Session.open(session).plot()

@@ -1,4 +1,4 @@
-"""How units and parts of a whole are read by people: °C, where files and JSON say degC, and percentages."""
+"""How units, numbers and parts of a whole are read by people: °C, where files and JSON say degC, and percentages."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ MOST_DECIMALS = 3
 def to_read(unit: str) -> str:
     """A unit, as "dps/degC", in the letters of a screen, of a report and of printed text."""
     return unit.replace(IN_FILES, CELSIUS)
+
+
+def number_of(count: int, noun: str) -> str:
+    """A count with its noun: "1 run", "2 runs"."""
+    return f"{count} {noun}" + "s" * (count != 1)
 
 
 def percentage(part: float, decimals: int = 0) -> str:

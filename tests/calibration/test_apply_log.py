@@ -150,8 +150,9 @@ def test_rates_that_were_corrected_otherwise_than_those_of_the_model_are_told(
 
 @pytest.mark.parametrize(
     ("source", "out", "reason"),
-    [("a.csv", "out", "end in .csv or .parquet"), ("no.ulg", "out.csv", "No such file"), ("folder", "o.csv", "session.toml")],
-)
+    [("a.csv", "out", "end in .csv, .csv.gz or .parquet"), ("no.ulg", "out.csv", "No such file"),
+     ("folder", "o.csv", "session.toml")],
+)  # fmt: skip
 def test_what_cannot_be_corrected_is_one_line(model: Model, tmp_path: Path, source: str, out: str, reason: str) -> None:
     TEXT.write_csv(tmp_path / "a.csv")
     (tmp_path / "folder").mkdir()
@@ -165,3 +166,29 @@ def test_several_recordings_are_corrected_one_at_a_time(model: Model, tmp_path: 
         TEXT.write_csv(tmp_path / f"{name}.csv")
     with pytest.raises(InputError, match="2 recordings; correct one at a time"):
         apply(tmp_path, model, tmp_path / "out.csv", maps=MAPS)
+
+
+def phone(folder: Path) -> Path:
+    """The recording as a phone writes it: a file for each sensor."""
+    folder.mkdir()
+    for name, columns in (("Gyroscope", "w"), ("Accelerometer", "f")):
+        TEXT.select(pl.col("stamp").alias("time"), *(pl.col(f"{columns}{a}").alias(a) for a in "xyz")).write_csv(
+            folder / f"{name}.csv"
+        )
+    return folder
+
+
+def test_a_folder_with_a_file_for_each_sensor_is_one_log(model: Model, tmp_path: Path) -> None:
+    TEXT.write_csv(tmp_path / "one.csv")
+    apply(tmp_path / "one.csv", model, tmp_path / "a.csv", maps=MAPS)
+    done = apply(phone(tmp_path / "phone"), model, tmp_path / "b.csv", confirm=lambda _: None)
+    whole, joined = pl.read_csv(tmp_path / "a.csv"), pl.read_csv(tmp_path / "b.csv")
+    assert (done.rows, joined.columns) == (N, whole.columns)
+    np.testing.assert_allclose(joined.to_numpy(), whole.to_numpy(), atol=1e-6)
+
+
+def test_a_corrected_table_is_compressed_where_its_name_says_so(model: Model, tmp_path: Path) -> None:
+    TEXT.write_csv(tmp_path / "one.csv")
+    for name in ("a.csv", "a.csv.gz"):
+        apply(tmp_path / "one.csv", model, tmp_path / name, maps=MAPS)
+    assert gzip.decompress((tmp_path / "a.csv.gz").read_bytes()) == (tmp_path / "a.csv").read_bytes()

@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 
 from gyrocal.calibration.apply import apply
+from gyrocal.calibration.calibrate import calibrate
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Run, Session
@@ -147,3 +148,10 @@ def test_the_noise_of_a_reference_is_no_turn(model: Model, tmp_path: Path) -> No
 
     assert sum(refused(0.0, number) for number in range(40)) <= 1
     assert all(refused(2.0, number) for number in range(10))
+
+
+def test_a_session_at_rest_is_told_what_gives_its_bias() -> None:
+    t_s = np.arange(500) / 100
+    rest = make_run(t_s, np.random.default_rng(2).normal(0.3, 0.05, (t_s.size, 3)), table_rate_dps=0.0)
+    with pytest.raises(InputError, match=r"scale cannot be determined.* The bias can: `gyrocal explain SESSION"):
+        calibrate(make_session(rest))

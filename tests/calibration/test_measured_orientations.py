@@ -65,3 +65,22 @@ def test_a_reading_that_bends_is_a_misfit_beside_noisy_orientations() -> None:
     assert level.excess_dps is not None
     assert level.excess_se_dps is not None
     assert level.excess_dps > 5 * level.excess_se_dps
+
+
+@pytest.mark.parametrize(("noise_deg", "seed"), [(0.004, 1), (0.02, 4)])
+def test_nor_is_that_of_an_encoder_with_a_model_that_was_fitted_on_the_session(noise_deg: float, seed: int) -> None:
+    """The fitted model knows the sensor's noise at low frequencies alone; the misfit was 1.2 beside an adequate comparison."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(12000) / RATE_HZ
+    slow, fast = 2 * np.pi * 0.31, 2 * np.pi * 0.77
+    angle_deg = 40 * np.sin(slow * t_s) + 15 * np.sin(fast * t_s + 1)
+    rate_dps = 40 * slow * np.cos(slow * t_s) + 15 * fast * np.cos(fast * t_s + 1)
+    gyro_dps = np.column_stack([0 * t_s, 0 * t_s, 0.989 * rate_dps + 0.9]) + rng.normal(0, 0.06, (t_s.size, 3))
+    read_deg = np.round(angle_deg + rng.normal(0, noise_deg, t_s.size), 3)
+    session = make_session(make_run(t_s, gyro_dps, table_rate_dps=None, ref_angle_deg=read_deg))
+    compared = measure(session)
+    (found,) = [e for e in calibrate(session, methods=["model"], model=compared.fit.model) if e.axis == "z"]
+    assert found.misfit is not None
+    assert 0.75 < found.misfit < 1.08
+    assert found.trusted
+    assert found.scale == pytest.approx(-0.011, abs=4 * (found.scale_se or 0))

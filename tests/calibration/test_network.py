@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.calibration.network import Network
+from gyrocal.calibration.network import FaceNetwork, Network
+from gyrocal.calibration.network_answer import TRAINED_DPS, TRAINED_HZ
 from gyrocal.calibration.runtime import onnxruntime
 from gyrocal.errors import InputError
 from gyrocal.simulation.simulate import paper_windows
@@ -83,3 +84,8 @@ def test_a_truncated_file_is_bad_input(share: float, tmp_path: Path) -> None:
     path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(InputError, match=r"net\.onnx"):
         Network.open(path)
+
+
+def test_what_is_known_of_the_training_without_onnxruntime_is_what_the_graph_states() -> None:
+    net = FaceNetwork.shipped()
+    assert (net.rate_hz, net.table_dps) == (TRAINED_HZ, TRAINED_DPS)

@@ -216,6 +216,35 @@ def test_sound_sensors_behind_a_low_pass_are_trusted(samples: int) -> None:
     assert np.mean(misfit(found) <= misfit_limit(sum(f.blocks for f in found))) >= 0.9
 
 
+@pytest.mark.parametrize("between_dps", [0.0, 0.02])
+def test_a_bias_that_moves_between_the_runs_of_a_power_cycle_is_in_the_errors(between_dps: float) -> None:
+    """Thirteen runs at seven rates, each with a bias of its own: two runs cannot show that, more can."""
+    rng = np.random.default_rng(5)
+    rates_dps = [0.0, 45.0, 0.0, -45.0, 0.0, 90.0, 0.0, -90.0, 0.0, 180.0, 0.0, -180.0, 0.0]
+    t_us = np.round(np.arange(580) / RATE_HZ * 1e6).astype(np.int64)
+    sums = [
+        FaceSums.of(rng.normal(0, WHITE_SD_DPS, (200, 580)) + rng.normal(0, between_dps, (200, 1)), t_us, RATE_HZ)
+        for _ in rates_dps
+    ]  # fmt: skip
+    variance = white_variance(sums)
+    faces = [face_posterior(f, variance, w) for f, w in zip(sums, rates_dps, strict=True)]
+    fit = Combined.of(faces, rates_dps)
+    for error, of in ((fit.scale, fit.scale_variance), (fit.bias_dps, fit.bias_variance)):
+        assert 0.75 < np.std(error / np.sqrt(of)) < 1.2
+    sound = np.mean(misfit(faces, fit) <= misfit_limit(sum(f.blocks for f in faces)))
+    assert sound >= 0.9 if between_dps == 0 else sound <= 0.02
+
+
+def test_runs_that_a_pair_leaves_out_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pair = session()
+    more = [replace(run, index=2 + k, file=f"more_{k}.csv") for k, run in enumerate(pair.runs)]
+    pair.save(tmp_path / "two")
+    pair.with_runs([*pair.runs, *more]).save(tmp_path / "four")
+    for folder, options, told in (("two", [], False), ("four", [], True), ("four", ["--method", "model"], False)):
+        assert main(["calibrate", str(tmp_path / folder), "--seconds", "6", *options]) == 0
+        assert ("--method model takes all 4." in capsys.readouterr().out) is told
+
+
 def test_a_network_claims_its_own_errors_only_where_the_campaign_is_known() -> None:
     """A slow spin-up, three times the campaign's usual size: the network's own error is too small."""
     spun = session(lambda y, w: y - 0.004 * w * np.exp(-np.arange(y.size) / RATE_HZ / 8.0))

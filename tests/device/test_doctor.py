@@ -119,3 +119,11 @@ def test_no_port_and_no_device_are_told() -> None:
         find_port("auto", ports=list)
     with pytest.raises(DeviceError, match="no gyrocal device answers: socket:"):
         find_port("auto", ports=lambda: ["socket://127.0.0.1:1"])
+
+
+def test_a_run_that_begins_meanwhile_is_told_and_ends_the_examination(scenario: Session) -> None:
+    """A simulated device that replays its runs by itself is no fault of a board, and no error of the port."""
+    with SimulatedDevice(scenario, speed=8) as board, Link(board.port) as link:
+        checks = {check.name: check for check in Doctor(link, SECONDS).run()}
+    assert wrong(checks) == {"idle"}
+    assert "--bench" in checks["idle"].advice

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.effects.quantities import cosines, means_of_tenths, unit_wave
+from gyrocal.effects.quantities import cosines, in_one_power_cycle, means_of_tenths, unit_wave
+from make_runs import make_run
 
 
 @pytest.mark.parametrize("n", [1, 7, 10, 11, 99, 870])
@@ -26,3 +27,18 @@ def test_cosines_by_recurrence_are_those_of_the_angle() -> None:
 def test_a_unit_wave_is_the_complex_exponential() -> None:
     angle = np.linspace(-300, 300, 1001)
     assert np.abs(unit_wave(angle) - np.exp(1j * angle)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("power_on_s", "scenarios", "one"),
+    [((None, None), "aa", True), ((None, None), "ab", False), ((3.0, None), "ab", True), ((3.0, 9.0), "ab", False)],
+)
+def test_runs_of_one_power_cycle_cannot_show_that_anything_repeats(
+    power_on_s: tuple[float | None, float | None], scenarios: str, one: bool
+) -> None:
+    """The runs that know their time since power-on count, and all of them where none does."""
+    runs = [
+        make_run(np.arange(100) / 100, scenario=scenario, power_on_s=known)
+        for scenario, known in zip(scenarios, power_on_s, strict=True)
+    ]
+    assert in_one_power_cycle(runs) is one

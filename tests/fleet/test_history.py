@@ -122,3 +122,18 @@ def test_whole_sessions_are_fitted(months: Path, words: list[str], capsys: pytes
     assert "leave out --seconds and --method" in capsys.readouterr().err
     assert main(["calibrate", str(months), "-o", "m.toml"]) == 2
     assert "--out is for --history" in capsys.readouterr().err
+
+
+def test_what_the_bias_scatters_by_between_sessions_is_the_turn_on_bias_of_the_model(tmp_path: Path) -> None:
+    """Eight sessions of one power cycle each: none shows the spread, and together they do."""
+    rng = np.random.default_rng(8)
+    biases_dps = 0.3 + rng.normal(0, 0.05, 8)
+    for k, bias_dps in enumerate(biases_dps):
+        session_of(bias_dps, f"2025-0{k + 1}-10", rng).save(tmp_path / f"s{k}")
+    (found,) = histories(tmp_path, "default")
+    scatter = next(a.scatter for a in found.aging if (a.effect, a.axis) == ("bias", "z"))
+    turn_on = found.model.noise_on("z").turn_on_bias
+    assert turn_on is not None
+    assert turn_on.sd_dps == scatter == pytest.approx(np.std(biases_dps, ddof=1), rel=0.1)
+    assert turn_on.se["sd_dps"] == pytest.approx(scatter / np.sqrt(14), rel=0.1)
+    assert found.model.noise_on("x").turn_on_bias.sd_dps is None, "the bias about x is the same in all"  # type: ignore[union-attr]

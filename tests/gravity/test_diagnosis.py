@@ -95,6 +95,27 @@ def test_adding_an_effect_writes_a_model_that_every_verb_reads(tmp_path: Path, c
     assert all(c["next_measurement"] for c in unseen.values())
 
 
+def test_a_missing_effect_is_told_with_all_of_its_axes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulate(tmp_path / "s", campaign="hands", seed=2, scenarios=20)
+    assert main(["diagnose", str(tmp_path / "s"), "--json"]) == 0
+    named = [c["axis"] for c in json.loads(capsys.readouterr().out)["candidates"] if c["decision"] == "add"]
+    assert len(named) > 1
+    assert main(["diagnose", str(tmp_path / "s")]) == 0
+    assert f"Missing: misalignment of the axes on {', '.join(sorted(named))}." in capsys.readouterr().out
+
+
+def test_explain_says_which_model_it_wrote_where_nothing_was_to_be_added(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session, model = tmp_path / "s", tmp_path / "m.toml"
+    simulate(session, campaign="hands", seed=2, scenarios=20)
+    for _ in range(2):
+        assert main(["explain", str(session), "--model", str(model)]) == 0
+        told = capsys.readouterr().out
+        assert f"{model}: scale, bias" in told.replace("\n", "")
+    assert "Effects added" not in told, "the second time"
+
+
 def test_an_effect_that_gravity_does_not_show_is_not_added() -> None:
     session, _ = simulate(campaign="hands", seed=4, scenarios=8)
     before, after = add(session, None, "table_ripple")

@@ -186,6 +186,28 @@ def test_facts_come_by_pattern_and_an_angle_takes_the_place_of_a_rate(rows: np.n
     ]
 
 
+def test_a_pattern_means_runs_of_all_files_of_a_folder(
+    rows: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each pattern fits some of the files; files of which nothing says otherwise are of one power cycle, which is told."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name in ("a_up", "a_down", "b_up", "b_down"):
+        write(folder / f"{name}.csv", "t_s,gx_dps,gy_dps,gz_dps", rows)
+    rules = ["--run-meta", "a_*:scenario=first,day=1", "--run-meta", "b_*:scenario=second,day=2"]
+    assert main(["import", str(folder), str(tmp_path / "two"), "--rate", "0", *rules]) == 0
+    assert "4 runs, 200 samples at 128 Hz, 2 power cycles" in capsys.readouterr().out
+    runs = {run.file: run for run in Session.open(tmp_path / "two").runs}
+    assert {name: (run.scenario, run.day, run.face) for name, run in runs.items()} == {
+        "a_up.csv": ("first", 1, "up"), "a_down.csv": ("first", 1, "down"),
+        "b_up.csv": ("second", 2, "up"), "b_down.csv": ("second", 2, "down"),
+    }  # fmt: skip
+    assert main(["import", str(folder), str(tmp_path / "one"), "--rate", "0"]) == 0
+    assert "The 4 files are taken for one power cycle." in capsys.readouterr().out
+    assert main(["import", str(folder), str(tmp_path / "no"), "--rate", "0", "--run-meta", "c_*:day=1"]) == 2
+    assert "no run is named so; there are a_down, a_up, b_down, b_up" in capsys.readouterr().err
+
+
 def test_files_are_added_to_a_session(rows: np.ndarray, tmp_path: Path) -> None:
     source, out = write(tmp_path / "a.csv", "t,x,y,z", rows), tmp_path / "out"
     for face in ("up", "down"):

@@ -10,9 +10,11 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.column_map import ColumnMap, Scaling
+from gyrocal.recording.first_rows import first_rows
 from gyrocal.recording.guess import guess
-from gyrocal.recording.importer import import_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import import_recording, read_recording
 from gyrocal.recording.readers import read
 from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
@@ -285,3 +287,24 @@ def test_letters_and_rotations_are_rates_only_beside_other_evidence(names: list[
     else:
         with pytest.raises(InputError, match="no gyroscope is recognized"):
             guess(source, Scaling())
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_reference_that_is_stated_decides_the_unit_with_a_time_that_is_guessed(turns: bool, tmp_path: Path) -> None:
+    """A joint's angle beside a yaw rate: nothing else in the file tells rad/s from deg/s. An encoder begins anew each turn."""
+    t_s = np.arange(2000) / 100
+    angle_deg = 90 * t_s % 360 if turns else 40 * np.sin(2 * t_s)
+    rate_dps = np.full(t_s.size, 90.0) if turns else 80 * np.cos(2 * t_s)
+    noise = np.random.default_rng(5).normal(0, 0.001, t_s.size)
+    pl.DataFrame({"time": t_s, "yaw_rate": np.deg2rad(rate_dps) + noise, "joint": angle_deg}).write_csv(tmp_path / "arm.csv")
+    found = read_recording(tmp_path / "arm.csv", Options.of(["ref_angle_deg=joint"], {}))
+    (rate,) = [g for g in found.guessed if g.map.startswith("gz_dps")]
+    assert rate.map == "gz_dps=yaw_rate:rad/s"
+    assert not rate.asks
+
+
+def test_cells_that_are_missing_are_shown_empty() -> None:
+    table = pl.DataFrame({"t_s": [0.0, 0.1], "gz_dps": [1.5, 1.6], "az_g": [float("nan"), 1.0]})
+    source = Source("a.csv", table)
+    shown = {row.target: row.values for row in first_rows(source, [ColumnMap(name, name) for name in table.columns])}
+    assert shown["az_g"] == ("", "1")

@@ -107,3 +107,43 @@ def test_a_real_turn_between_rests_gives_the_scale_of_its_integral(tmp_path: Pat
     estimate = next(e for e in calibrate(session, methods=["model"]) if e.axis == "x")
     assert estimate.bias_dps == pytest.approx(bias_dps, abs=0.02)
     assert estimate.scale == pytest.approx(turned_deg / 90 - 1, abs=0.01)
+
+
+@pytest.mark.parametrize(("face", "sign"), [("up", 1), ("down", -1)])
+def test_the_table_s_rates_make_a_run_of_each_plateau(face: str, sign: int, tmp_path: Path) -> None:
+    rates = [0.0, 45.0, 0.0, -45.0, 78.0, 45.0]
+    path = log(tmp_path / "log.csv", [(sign * rate, 6) for rate in rates])
+    out = tmp_path / "out"
+    assert main(["import", str(path), str(out), "--rates", "45,-45,78", "--face", face, "--power-on-s", "3"]) == 0
+    runs = Session.open(out).runs
+    assert [run.table_rate_dps for run in runs] == rates
+    assert float(runs[-1].gyro_dps[-1, 2]) == pytest.approx(float(np.loadtxt(path, delimiter=",", skiprows=1)[-1, 3]))
+    assert [run.file for run in runs] == ["rest_1.csv", "z_1.csv", "rest_2.csv", "z_2.csv", "z_3.csv", "z_4.csv"]
+    (estimate,) = calibrate(Session.open(out), [5.0], ["model"])
+    assert estimate.scale == pytest.approx(SCALE, abs=4e-4)
+    assert estimate.bias_dps == pytest.approx(BIAS_DPS[2], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("rates", "more", "says"),
+    [
+        ("78", [], "and no stated rate is near; add the table's rate there"),
+        ("78,-78,30", [], "is at 30 dps; there are plateaus at 80, -77.8"), ("78,82,-78", [], "near 82 and 78 dps"),
+        ("fast", [], "with commas"), ("78,-78", ["--rate", "78"], "leave out --rate"),
+        ("78,-78", ["--run", "a:0:9"], "leave out --run"), ("78,-78", ["--gravity"], "leave out --gravity"),
+    ],
+)  # fmt: skip
+def test_rates_that_do_not_fit_the_plateaus_are_refused(
+    rates: str, more: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = log(tmp_path / "log.csv", [(0, 6), (78, 6), (-78, 6)])
+    assert main(["import", str(path), str(tmp_path / "out"), "--rates", rates, *more]) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_that_are_cut_from_one_file_have_their_own_time_since_power_on(tmp_path: Path) -> None:
+    path = log(tmp_path / "log.csv", [(0, 60)])
+    cuts = ["--run", "a:0:1000", "--run", "b:25s:40s", "--run", "c:45s:55s:power_on_s=7"]
+    assert main(["import", str(path), str(tmp_path / "out"), "--rate", "0", "--power-on-s", "3", *cuts]) == 0
+    assert [run.power_on_s for run in Session.open(tmp_path / "out").runs] == [3.0, 28.0, 7.0]

@@ -27,13 +27,12 @@ from gyrocal.plausibility.header import corrected_otherwise
 from gyrocal.recording.header import folder_of
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, read_recording
+from gyrocal.recording.mapped import is_log
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
 from gyrocal.warning import Warning
 
-TABLES = (".csv", ".parquet")
-BAG = "metadata.yaml"
-"""A folder with this file is a ROS 2 bag."""
+TABLES = (".csv", ".csv.gz", ".parquet")
 LONGEST_HEADER = 65536
 """Characters of a first line, in which the names of columns are looked for."""
 
@@ -75,9 +74,9 @@ def apply(
 ) -> Applied:  # fmt: skip
     """Write the recording ``source`` to ``out`` with the model's effects removed from its readings.
 
-    A session folder gives a session. Any log that can be imported gives a table (``.csv`` or ``.parquet``) with the columns of
-    a session and no true rate. A table that has these columns itself is taken as it is: its times, references and all other
-    columns stay.
+    A session folder gives a session. Any log that can be imported gives a table (``.csv``, ``.csv.gz`` or ``.parquet``) with
+    the columns of a session and no true rate. A table that has these columns itself is taken as it is: its times, references
+    and all other columns stay.
 
     Args:
         source: a session folder, or a log.
@@ -96,14 +95,15 @@ def apply(
         raise InputError(f"{target}: exists already; choose another name for --out or remove it")
     options = {name: value for name, value in options.items() if value is not None}
     mapped = bool(maps or options)
-    if not mapped and path.is_dir() and not (path / BAG).is_file():
+    if not mapped and not is_log(path):
         session = Session.open(path)
         runs, done = _corrected(session.runs, opened, bias)
         # corrected readings are no whole counts and may exceed the full scale
         replace(session.with_runs(runs), lsb_dps=None, full_scale_dps=None).save(target)
         return done
-    if target.suffix not in TABLES:
-        raise InputError(f"{target}: logs are corrected into tables that end in {' or '.join(TABLES)}; give --out such a name")
+    if not target.name.endswith(TABLES):
+        endings = f"{', '.join(TABLES[:-1])} or {TABLES[-1]}"
+        raise InputError(f"{target}: logs are corrected into tables that end in {endings}; give --out such a name")
     if not mapped and _has_the_columns_of_a_session(path):
         log = Log(read_table(path))
     else:

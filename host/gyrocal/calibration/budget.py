@@ -100,10 +100,10 @@ def by_evidence(evidence: Evidence, answer: Answer, *, of_network: bool = False)
         for of in ([f.white for f in faces], [f.variance[:, 0] - f.standing for f in faces], [f.standing for f in faces])
     )
     excess = np.array([float(f.excess()[0]) for f in faces])
+    fit = Combined.of(faces, evidence.w_dps)
     names = [WHITE, DRIFT, STEPS, SCATTER]
-    sums = [_line(w_dps, v) for v in (white, noise, noise + standing, (noise + standing) * excess)]
+    sums = [_line(w_dps, v) for v in (white, noise, noise + standing, (noise + standing) * excess * fit.scatter[0])]
     if of_network:
-        fit = Combined.of(faces, evidence.w_dps)
         names.append(EFFECTS)
         sums.append(np.array([fit.scale_variance[0], fit.bias_variance[0]]))
     names.append(NETWORK if of_network else EFFECTS)

@@ -13,7 +13,8 @@ import numpy as np
 from gyrocal.calibration.budget import BudgetRow, beside, by_evidence, by_fit, by_network, by_posterior, temperature_spread_c
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.flags import ordered
-from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
+from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage
+from gyrocal.calibration.pairs import is_steady, network_suits, pairs
 from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_TAU_S, drift_sd_dps
@@ -37,8 +38,6 @@ POOLED = "all"
 """The scenario of an estimate from all power cycles together."""
 NAMED = 5
 """Scenarios without an estimate that are named; if there are more, only their number is reported."""
-STEADY = 0.03
-"""Largest relative variation of a rate that counts as constant. The device has the same limit."""
 
 
 @dataclass(frozen=True)
@@ -126,10 +125,9 @@ def calibrate(
     Raises InputError if there is no answer at all.
     """
     session = registered(session)
-    found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
-    paired = bool(found_pairs)
+    paired = any(pairs(runs) for _, runs in session.by_scenario())
     if methods is None:
-        suits = not lacking("net") and any(all(map(suits_network, pair)) for pair in found_pairs)
+        suits = not lacking("net") and network_suits(session)
         methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
     methods = list(methods)
     for method in methods:
@@ -214,30 +212,12 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
-    return "scale and bias cannot be determined; record both faces, or rest and a known turn"
-
-
-def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """For each axis the first two runs that turn steadily in opposite true directions: (positive, negative true rate)."""
-    out = []
-    for axis in AXES:
-        steady = [r for r in runs if r.axis == axis and _steady(r)]
-        positive = [r for r in steady if r.rate_dps[0] > 0]
-        negative = [r for r in steady if r.rate_dps[0] < 0]
-        # opposite rates of one size first, else any two
-        match = sorted(
-            ((p, n) for p in positive for n in negative),
-            key=lambda pair: abs(abs(pair[0].rate_dps[0]) - abs(pair[1].rate_dps[0])) > STEADY * abs(pair[0].rate_dps[0]),
+    if not any(np.any(run.rate_dps) for run in session.runs if not run.rate_is_mean):
+        return (
+            "at rest the scale cannot be determined; record both faces, or a known turn too. The bias can: `gyrocal explain "
+            "SESSION --model M.toml` writes it into a model"
         )
-        if match:
-            out.append(match[0])
-    return out
-
-
-def _steady(run: Run) -> bool:
-    """True if the run turns at one known rate all the time."""
-    rate_dps = run.rate_dps
-    return not run.rate_is_mean and rate_dps[0] != 0 and bool(np.ptp(rate_dps) <= STEADY * abs(rate_dps[0]))
+    return "scale and bias cannot be determined; record both faces, or rest and a known turn"
 
 
 class Found(NamedTuple):
@@ -345,6 +325,8 @@ def _by_model(
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
+        if axis in of_slopes:  # a fitted model knows the sensor's noise at low frequencies, which that of slopes exceeds
+            calibration = replace(calibration, noise=replace(calibration.noise, white_sd_dps=of_slopes[axis]))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
             drift_dps = drift_sd_dps(max(run.duration_s for run in mine))
@@ -352,7 +334,7 @@ def _by_model(
         answer = estimate(calibration, mine)
         if answer is None:
             continue
-        steady = all(r.axis == axis and (_steady(r) or not np.any(r.rate_dps)) for r in mine)
+        steady = all(r.axis == axis and (is_steady(r) or not np.any(r.rate_dps)) for r in mine)
         evidence = Evidence.of(mine, whole, span) if steady and not fitted else None
         if evidence is not None:
             answer = evidence.with_errors(answer)

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyrocal.calibration.network_answer import near_training
 from gyrocal.calibration.runtime import onnxruntime
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
@@ -215,8 +216,7 @@ class FaceNetwork(OnnxNetwork):
 
     def suits(self, rate_hz: float, w_dps: float) -> bool:
         """True if the network was trained at this sample rate, and at this true rate or its opposite."""
-        near = abs(abs(w_dps) - self.table_dps) <= POLICY.network_table_rate * self.table_dps
-        return near and abs(rate_hz - self.rate_hz) <= POLICY.network_sample_rate * self.rate_hz
+        return near_training(rate_hz, w_dps, self.rate_hz, self.table_dps)
 
     def face(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> FaceAnswers:
         """Estimate u = w·scale + bias from the readings of one face.

@@ -9,10 +9,14 @@ import numpy as np
 
 from gyrocal.calibration.estimator import Answer, calibration_of
 from gyrocal.error_model.model import Model
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import GAP_PERIODS, Run
 
 if TYPE_CHECKING:
     from gyrocal.calibration.network import Prior
+
+TRAINED_HZ, TRAINED_DPS = 145.0, 78.0
+"""Sample rate and table rate of the shipped network's training, which its graph states; known here without onnxruntime."""
 
 
 def network_stage(up: Run, down: Run, seconds: float) -> int | None:
@@ -61,6 +65,10 @@ def consecutive(run: Run) -> int:
 
 def suits_network(run: Run) -> bool:
     """True if the run has the sample rate and the table rate for which the shipped network was trained."""
-    from gyrocal.calibration.network import FaceNetwork
+    return near_training(run.sample_rate_hz, float(run.rate_dps[0]), TRAINED_HZ, TRAINED_DPS)
 
-    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))
+
+def near_training(rate_hz: float, w_dps: float, trained_hz: float, trained_dps: float) -> bool:
+    """True for the sample rate of a network's training, and its table rate or the opposite one."""
+    near = abs(abs(w_dps) - trained_dps) <= POLICY.network_table_rate * trained_dps
+    return near and abs(rate_hz - trained_hz) <= POLICY.network_sample_rate * trained_hz

@@ -133,14 +133,13 @@ class Evidence:
     def with_errors(self, answer: Answer) -> Answer:
         """The answer of a method without effects, with standard errors and misfit that allow for typical effects.
 
-        The misfit is NaN if each run has only one block.
+        Of more than two runs, their scatter about the line counts in both. The misfit is NaN if nothing is left to judge by.
         """
-        scale_se, bias_se_dps = Combined.of(self.faces, self.w_dps).errors_of(
-            np.array([answer.scale]), np.array([answer.bias_dps])
-        )
+        fit = Combined.of(self.faces, self.w_dps)
+        scale_se, bias_se_dps = fit.errors_of(np.array([answer.scale]), np.array([answer.bias_dps]))
         return Answer(
             answer.scale, with_table(float(scale_se[0]), self.runs), answer.bias_dps, float(bias_se_dps[0]),
-            self._held(misfit(self.faces)),
+            self._held(misfit(self.faces, fit)),
         )  # fmt: skip
 
     def _held(self, misfit: Array) -> float:

@@ -266,22 +266,28 @@ def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array
 
 @dataclass(frozen=True)
 class Combined:
-    """Scale and bias [N] from all faces together, with their variances [N]."""
+    """Scale and bias [N] from all faces together, with their variances [N].
+
+    ``chi2`` [N] is that of the faces about their line, of ``dof`` degrees of freedom: none of two faces.
+    """
 
     scale: Array
     bias_dps: Array
     scale_variance: Array
     bias_variance: Array
+    chi2: Array
+    dof: int
 
     @staticmethod
     def of(faces: Sequence[FacePosterior], w_dps: Sequence[float]) -> Combined:
         """Least squares of two or more faces at two or more true rates, averaged over the effects that may act.
 
         All faces were on one table: an effect acts in all of them or in none. Its size, phase and time constant may differ.
+        Faces that scatter about their line by more than their errors widen the variances (:attr:`scatter`).
         """
         w = np.array(w_dps)
         excess = [face.excess() for face in faces]
-        log_weights, means, spreads = [], [], []
+        log_weights, means, spreads, chi2s = [], [], [], []
         for which, act in enumerate(EFFECTS):
             some = _of_effects(which)
             under = [face.under(some) for face in faces]
@@ -292,14 +298,22 @@ class Combined:
             s0, s1, s2 = precision.sum(1), (precision * w).sum(1), (precision * w**2).sum(1)
             t0, t1 = (precision * u).sum(1), (precision * w * u).sum(1)
             det = s0 * s2 - s1**2
-            means.append(((s0 * t1 - s1 * t0) / det, (s2 * t0 - s1 * t1) / det))
+            scale, bias_dps = (s0 * t1 - s1 * t0) / det, (s2 * t0 - s1 * t1) / det
+            means.append((scale, bias_dps))
             spreads.append((s0 / det, s2 / det))
+            chi2s.append((precision * (u - bias_dps[:, None] - scale[:, None] * w) ** 2).sum(1))
         log_weight = np.array(log_weights)
         weight = np.exp(log_weight - log_weight.max(0))
         weight /= weight.sum(0)
         mean = np.einsum("en,ekn->kn", weight, means)
-        spread = np.einsum("en,ekn->kn", weight, spreads + (np.array(means) - mean) ** 2)
-        return Combined(mean[0], mean[1], spread[0], spread[1])
+        chi2, dof = np.einsum("en,en->n", weight, chi2s), len(faces) - 2
+        spread = np.einsum("en,ekn->kn", weight, spreads * _scatter(chi2, dof) + (np.array(means) - mean) ** 2)
+        return Combined(mean[0], mean[1], spread[0], spread[1], chi2, dof)
+
+    @property
+    def scatter(self) -> Array:
+        """By how much [N] the faces widen the variances: chi-square per degree of freedom, at least 1 (Birge's ratio)."""
+        return _scatter(self.chi2, self.dof)
 
     def errors_of(self, scale: Array, bias_dps: Array) -> tuple[Array, Array]:
         """Standard errors [N] of another answer from the same faces: root of its expected squared error."""
@@ -309,10 +323,16 @@ class Combined:
         )
 
 
-def misfit(faces: Sequence[FacePosterior]) -> Array:
-    """Root of chi-square per degree of freedom [N] of the blocks about their face's mean."""
-    dof = sum(f.blocks - 1 for f in faces)
-    return np.sqrt(sum(f.chi2[:, 0] for f in faces) / dof) if dof > 0 else np.full(len(faces[0].chi2), np.nan)
+def _scatter(chi2: Array, dof: int) -> Array:
+    return np.maximum(1.0, chi2 / dof) if dof > 0 else np.ones_like(chi2)
+
+
+def misfit(faces: Sequence[FacePosterior], fit: Combined | None = None) -> Array:
+    """Root of chi-square per degree of freedom [N] of the blocks about their face's mean, and of the faces about ``fit``."""
+    between, dof = (0.0, 0) if fit is None else (fit.chi2, fit.dof)
+    dof += sum(f.blocks - 1 for f in faces)
+    chi2 = sum(f.chi2[:, 0] for f in faces) + between
+    return np.sqrt(chi2 / dof) if dof > 0 else np.full(len(faces[0].chi2), np.nan)
 
 
 def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:

@@ -13,7 +13,7 @@ def run(
     taus: Annotated[str | None, typer.Option(metavar="T,...", help="Averaging times, s; eight a decade by default.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Overlapping Allan deviation of a session's readings over averaging times."""
+    """Overlapping Allan deviation of a session's readings at rest and at constant rates over averaging times."""
     from gyrocal.errors import InputError
     from gyrocal.noise.allan import of_session
     from gyrocal.present.output import emit, table

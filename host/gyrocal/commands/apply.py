@@ -17,7 +17,9 @@ def run(
     model: Annotated[Path, typer.Option(help="The model file, with fitted values.")],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", help="The corrected recording: a folder for a session, else a table (.csv, .parquet)."),
+        typer.Option(
+            "--out", "-o", help="The corrected recording: a folder for a session, else a table (.csv, .csv.gz, .parquet)."
+        ),
     ],
     bias: Annotated[
         str, typer.Option(metavar="model|rest:S|FILE", help="This power cycle's bias: the model's, the mean of the first S "

@@ -10,6 +10,7 @@ from gyrocal.commands import AsJson, OneAxis, OwnEffects, SessionFolder, want_ax
 
 if TYPE_CHECKING:
     from gyrocal.calibration.calibrate import Estimate
+    from gyrocal.recording.session import Session
     from gyrocal.warning import Warning
 
 
@@ -37,9 +38,8 @@ def run(
     from gyrocal.calibration.beyond import beyond_of_calibration
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.errors import InputError
-    from gyrocal.extras import lacking
     from gyrocal.plausibility import check
-    from gyrocal.present.output import emit, stderr
+    from gyrocal.present.output import emit
     from gyrocal.recording.session import Session
 
     try:
@@ -66,13 +66,35 @@ def run(
     warnings = check(opened, model)
     found = [e for e in calibrate(opened, spans, methods, model, warnings) if axis in (None, e.axis)]
     warnings += [*unanswered(opened, found, spans), *beyond_of_calibration(opened, found, model)]
-    if method is None and lacking("net") and any(e.method == "baseline" for e in found):
-        stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
+    if method is None:
+        _tell_what_is_left_out(opened)
     if as_json:
         budget = [row for e in found for row in e.budget_json()]
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
     _show(found, warnings)
+    _tell_of_other_runs(opened, found, methods)
+
+
+def _tell_what_is_left_out(session: "Session") -> None:
+    """Say on stderr that the network is not used, where it would have an answer."""
+    from gyrocal.calibration.pairs import network_suits
+    from gyrocal.extras import lacking
+    from gyrocal.present.output import stderr
+
+    if lacking("net") and network_suits(session):
+        stderr.print("cnn is left out, because it needs onnxruntime: pip install 'gyrocal[net]'")
+
+
+def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]", asked: list[str] | None) -> None:
+    """Say that the model method takes the runs of a power cycle which a pair leaves out, unless methods were asked for."""
+    from gyrocal.present.output import stdout
+
+    by_pairs = asked is None and all(e.method != "model" for e in found)
+    of_pairs = {e.scenario for e in found} if by_pairs else set()
+    most = max((len(runs) for scenario, runs in session.by_scenario() if scenario in of_pairs), default=0)
+    if most > 2:
+        stdout.print(f"These answers are of two recordings of a power cycle; --method model takes all {most}.")
 
 
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:

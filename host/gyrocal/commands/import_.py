@@ -44,6 +44,10 @@ Runs = Annotated[
     typer.Option("--run", metavar=CUT, help="Cut a run: rows (from 0) or seconds (5.2s), the end not taken."),
 ]
 Sections = Annotated[Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')]
+Rates = Annotated[
+    str | None,
+    typer.Option(metavar="R,...", help="The table's true rates: a run of each plateau, at the nearest one or at rest."),
+]
 RunMeta = Annotated[
     list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names match, e.g. '*_rot:turn=360'.")
 ]
@@ -97,6 +101,7 @@ def run(
     axis: Annotated[str | None, typer.Option(help="The sensor's axis along the table's: x, y or z (z).")] = None,
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
     rate: Annotated[float | None, typer.Option(help="The table's true rate, dps, signed; 0 = at rest.")] = None,
+    rates: Rates = None,
     turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of a rate, deg.")] = None,
     scenario: Annotated[str | None, typer.Option(help="Runs of one power cycle share it.")] = None,
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
@@ -115,15 +120,14 @@ def run(
     from gyrocal.recording.column_map import Scaling
     from gyrocal.recording.import_options import Options
 
-    given = {
-        "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
-        "power_on_s": power_on_s,
-    }  # fmt: skip
+    facts = _facts(
+        face=face, axis=axis, table_rate_dps=rate, turn_deg=turn_deg, scenario=scenario, day=day, power_on_s=power_on_s
+    )
     found = _read(src, out, append, Options(
-        maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
+        maps or (), _cuts(runs, sections), run_meta or (), facts, axis, Scaling(rate_hz, lsb_dps, lsb_g),
         names_of(columns), skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic, names_of(ref_columns)), resample_hz, gravity, ref_clock,
-        joined or (),
+        joined or (), _rates(rates),
     ))  # fmt: skip
     _preview(found, preview)
     _agreed(found, yes, as_json)
@@ -141,7 +145,16 @@ def _cuts(runs: list[str] | None, sections: Path | None) -> "list[Cut]":
     return [*(Cut.parse(text) for text in runs or ()), *(read_sections(sections) if sections is not None else ())]
 
 
-def _facts(given: dict[str, Any]) -> dict[str, Any]:
+def _rates(rates: str | None) -> list[float]:
+    from gyrocal.errors import InputError
+
+    try:
+        return [float(rate) for rate in rates.split(",")] if rates is not None else []
+    except ValueError:
+        raise InputError(f"--rates {rates}: the table's rates in dps with commas, for example 45,-45,90,-90") from None
+
+
+def _facts(**given: Any) -> dict[str, Any]:
     from gyrocal.recording.cut import check_meta
 
     facts: dict[str, Any] = {}
@@ -227,11 +240,10 @@ def decided(found: "Imported") -> None:
 
     asked = [g for g in found.guessed if g.asks]
     if asked:
-        stated, _, unit = asked[0].map.rpartition(":")
-        other = "dps" if unit == "rad/s" else "rad/s"
+        other = "dps" if asked[0].map.endswith(":rad/s") else "rad/s"
+        lines = " ".join(f"--map '{g.map}'" for g in asked)
         raise InputError(
-            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): nothing in the recording decides between "
-            f"them. Say which it is: {' '.join(f'--map {chr(39)}{g.map}{chr(39)}' for g in asked)}, or :{other} in each"
+            f"{asked[0].question}: nothing in the recording decides between them. Say which it is: {lines}, or :{other} in each"
         )
 
 
@@ -239,6 +251,7 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
     from gyrocal.plausibility import check
     from gyrocal.present.output import emit
     from gyrocal.present.report import print_warnings
+    from gyrocal.units import number_of
 
     warnings = [*found.warnings, *check(session)]
     samples = sum(len(r) for r in session.runs)
@@ -250,6 +263,12 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
         })  # fmt: skip
         return
     print_warnings(warnings)
-    print(f"{out}: {len(session.runs)} run{'s' * (len(session.runs) != 1)}, {samples} samples at {session.sample_rate_hz:g} Hz")
+    runs, cycles = number_of(len(session.runs), "run"), number_of(len(session.scenarios), "power cycle")
+    print(f"{out}: {runs}, {samples} samples at {session.sample_rate_hz:g} Hz, {cycles}")
+    if found.recordings > 1 and len(found.session.scenarios) == 1:
+        print(
+            f"The {found.recordings} files are taken for one power cycle. If the sensor was off between them, name each: "
+            "--run-meta 'PATTERN:scenario=NAME' for the files whose names fit, or file names such as s003_up_78dps"
+        )
     for what, count in found.repaired.items():
         print(f"{count} {REPAIRED[what]}")

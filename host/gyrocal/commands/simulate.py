@@ -43,6 +43,7 @@ def run(
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.recording.session import Session
     from gyrocal.simulation.simulate import simulate
+    from gyrocal.units import number_of
 
     if plan is not None and (campaign != "paper" or scenarios is not None or seconds is not None):
         raise InputError("--plan says which runs there are; leave out --campaign, --scenarios and --seconds")
@@ -58,4 +59,4 @@ def run(
         emit({"session": str(out), "truth": f"{out}.truth.json", "effects": truth["effects"], "runs": listed})
         return
     planted = ", ".join(truth["effects"]) or "no effect"
-    stdout.print(f"{out}: {len(session.runs)} runs, {samples} samples, {planted}; truth in {out}.truth.json")
+    stdout.print(f"{out}: {number_of(len(session.runs), 'run')}, {samples} samples, {planted}; truth in {out}.truth.json")

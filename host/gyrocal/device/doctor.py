@@ -40,6 +40,7 @@ GRAVITY_OFF = 0.1
 TEMP_C = (-40.0, 85.0)
 LEAST_HEAP, LEAST_STACK = 10_000, 512
 NUDGE_DPS = 0.25
+BUSY_WORDS = "send stop, and begin again; of the simulated devices, one of `gyrocal device --bench` lies still"
 LOST_WORDS = "shorten or replace the cable, close other programs that read the port, or lower rate_hz"
 
 
@@ -111,11 +112,14 @@ class Doctor:
             tell(self._sensor(imu))
         if all(heard.before.get("waits") == "sensor" for heard in self.sensors.values()):
             return checks
-        if any(heard.before.get("state") == "recording" for heard in self.sensors.values()):
-            tell(Check("idle", False, "a run is going on", "send stop, and begin again"))
+        if self._records("before"):
+            tell(Check("idle", False, "a run is going on", BUSY_WORDS))
             return checks
         tell(*self._self_test())
         self._listen()
+        if self._records("after"):
+            tell(Check("idle", False, "a run began while it was listened to", BUSY_WORDS))
+            return checks
         tell(self._losses())
         for imu, heard in sorted(self.sensors.items()):
             if heard.raw:
@@ -126,6 +130,9 @@ class Doctor:
         if self.restart:
             tell(self._kept())
         return checks
+
+    def _records(self, which: str) -> bool:
+        return any(getattr(heard, which).get("state") == "recording" for heard in self.sensors.values())
 
     # what is heard
 

@@ -99,8 +99,12 @@ def cycle_time_s(run: Run) -> Array:
 
 
 def in_one_power_cycle(runs: Sequence[Run]) -> bool:
-    """True if the runs that know their time since power-on are of one power cycle, which cannot show that anything repeats."""
-    return len({run.scenario for run in runs if run.power_on_s is not None}) == 1
+    """True if the runs that know their time since power-on, or all if none does, are of one power cycle.
+
+    One power cycle cannot show that anything repeats.
+    """
+    known = [run for run in runs if run.power_on_s is not None] or runs
+    return len({run.scenario for run in known}) == 1
 
 
 def temperature_c(run: Run) -> Array | None:

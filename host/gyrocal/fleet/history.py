@@ -4,6 +4,7 @@ Each session is fitted by itself. A parameter is then a straight line over the d
 are those of the sessions and a scatter between them, which is estimated by the weighted scatter about the line (the moment
 estimator of a random-effects regression), with the quantiles of Student's distribution, because few sessions tell it. Where the
 slope is beyond its errors, the model has the line's value at the latest date, and else the mean of the sessions.
+What the biases scatter by is the model's turn-on bias, where the sessions are of one power cycle each.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.effects.base import Role, with_role
 from gyrocal.error_model.fitted_on import together
 from gyrocal.error_model.model import Model
+from gyrocal.error_model.term import Term
 from gyrocal.errors import InputError
 from gyrocal.fleet.listing import sessions
 from gyrocal.gravity.fit import fit as fit_by_gravity
 from gyrocal.gravity.fit import full
 from gyrocal.gravity.scene import Scene
 from gyrocal.inference.fit import fit
+from gyrocal.noise.axis import AxisNoise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Session
 
@@ -121,9 +125,26 @@ def _history(
             values[name], se[name] = one.value, one.se
             aging.append(Aging(term.effect_id, term.axis, name, units.get(name, ""), len(known), *one))
         terms.append(replace(term, values=values, se=se))
-    joined = replace(last, name=board, terms=tuple(terms), fitted_on=together(m.fitted_on for m in fitted))
+    noise = dict(last.noise)
+    for a in aging:
+        if a.effect == with_role(Role.BIAS).id:
+            noise[a.axis] = _with_turn_on(last.noise_on(a.axis), a, [m.term(a.effect, a.axis) for m in fitted])
+    joined = replace(last, name=board, terms=tuple(terms), noise=noise, fitted_on=together(m.fitted_on for m in fitted))
     dates = tuple(str(date) for date, *_ in found)
     return History(board, dates, tuple(folder for *_, folder in found), tuple(aging), joined)
+
+
+def _with_turn_on(noise: AxisNoise, bias: Aging, sessions: Sequence[Term | None]) -> AxisNoise:
+    """The noise of an axis with what the bias scatters by between sessions, if no session shows more than one power cycle.
+
+    A scatter below two of its own errors is left out: the sessions' errors may be all of it.
+    """
+    turn_on, freedom = noise.turn_on_bias, bias.sessions - 1 - bias.ages
+    if turn_on is None or turn_on.sd_dps is not None or bias.scatter == 0 or freedom < 1:
+        return noise
+    of_sessions = float(np.mean([t.se[bias.name] ** 2 for t in sessions if t is not None and t.se.get(bias.name)]))
+    se = (bias.scatter + of_sessions / bias.scatter) / float(np.sqrt(2 * freedom))
+    return noise.having(turn_on.with_values({"sd_dps": bias.scatter}, {"sd_dps": se})) if bias.scatter > 2 * se else noise
 
 
 class Line(NamedTuple):

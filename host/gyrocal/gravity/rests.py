@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run, Session
+from gyrocal.units import number_of
 from gyrocal.warning import Warning
 
 WINDOW_S = 0.4
@@ -100,7 +101,7 @@ def find(session: Session) -> Found:
     """Rests and movements of all runs. Raises InputError if there are too few rests or no movement."""
     found = look(session)
     if len(found.rests) < POLICY.fewest_rests or not found.movements:
-        where, rests = session.path or "the session", "1 rest" if len(found.rests) == 1 else f"{len(found.rests) or 'no'} rests"
+        where, rests = session.path or "the session", number_of(len(found.rests), "rest")
         also = f" ({found.moved} more moved and are left out)" if found.moved else ""
         raise InputError(
             f"{where}: {rests} found{also}, and {POLICY.fewest_rests} are needed at least. "

@@ -13,7 +13,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.noise.whitening import Noise
-from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.recording.session import AXES, Array, Run, Session
 
 
 def averaging_factors(n: int, per_decade: int = 8) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -45,8 +45,26 @@ def allan_deviation(series: Sequence[Array], rate_hz: float, factors: Sequence[i
     return np.array(times), np.array(deviations)
 
 
+STEADY, STILL_DPS = 0.03, 1.0
+"""Largest variation of a measured true rate that counts as constant: of its mean, and of a rest, deg/s."""
+
+
+def _turns_steadily(run: Run) -> bool:
+    """True if the run is at rest or turns at a constant rate, so that its readings vary by noise alone."""
+    if run.table_rate_dps is not None:
+        return True
+    if run.rate_is_mean or run.measured_rates is None:  # turned by hand
+        return False
+    for axis in AXES if run.three_axes else (run.axis,):
+        rate_dps = run.about(axis).rate_dps
+        low, high = np.quantile(rate_dps, [0.01, 0.99])
+        if high - low > max(STEADY * abs(float(np.mean(rate_dps))), STILL_DPS):
+            return False
+    return True
+
+
 def of_session(session: Session, axis: str = "z", taus_s: Sequence[float] | None = None) -> tuple[Array, Array]:
-    """Overlapping Allan deviation of a session's readings, pooled over its runs.
+    """Overlapping Allan deviation of a session's readings, pooled over its runs at rest and at constant rates.
 
     Args:
         session: the session.
@@ -58,17 +76,23 @@ def of_session(session: Session, axis: str = "z", taus_s: Sequence[float] | None
         The averaging times [k], s, and the deviations [k], deg/s.
 
     Raises:
-        InputError: another axis, or a time that no run can show.
+        InputError: another axis, a time that no run can show, or a session whose runs all move.
     """
     if axis not in AXES:
         raise InputError(f"axis is {axis!r}, not x, y or z")
-    rate_hz, longest = session.sample_rate_hz, max(len(run) for run in session.runs) // 3
+    runs = [run for run in session.runs if _turns_steadily(run)]
+    if not runs:
+        raise InputError(
+            f"{session.path or 'the session'}: it moves, and the deviation would be that of the motion; record some minutes "
+            "of the sensor at rest, and import them with --rate 0"
+        )
+    rate_hz, longest = session.sample_rate_hz, max(len(run) for run in runs) // 3
     factors = None if taus_s is None else [round(tau_s * rate_hz) for tau_s in taus_s]
     for tau_s, factor in zip(taus_s or (), factors or (), strict=True):
         if not 1 <= factor <= longest:
             ends = f"from {1 / rate_hz:.3g} to {longest / rate_hz:.3g} s"
             raise InputError(f"--taus {tau_s:g}: it cannot be shown; give times {ends}, a sample to a third of the longest run")
-    return allan_deviation([run.gyro_dps[:, AXES.index(axis)] for run in session.runs], rate_hz, factors)
+    return allan_deviation([run.gyro_dps[:, AXES.index(axis)] for run in runs], rate_hz, factors)
 
 
 def model_deviation(tau_s: Array, noise: Noise, rate_hz: float) -> Array:

@@ -21,6 +21,7 @@ from gyrocal.present import page, report
 from gyrocal.present.output import stdout, table
 from gyrocal.present.verdict import left_over
 from gyrocal.recording.session import AXES, Array
+from gyrocal.units import number_of
 from gyrocal.variables.base import variables
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def conclusion(e: Explanation) -> str:
     """The verdict on the final model in one or two sentences."""
     if e.verdict == "add" and e.last.best is not None:
         best = f"{e.last.best.effect.id} on {e.last.best.axis}"
-        steps = "1 step" if len(e.steps) == 1 else f"{len(e.steps)} steps"
+        steps = number_of(len(e.steps), "step")
         if e.limited:
             return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
         left = "What is left over is not noise alone."

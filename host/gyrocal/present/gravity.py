@@ -34,7 +34,7 @@ from gyrocal.present.report import (
 )
 from gyrocal.present.verdict import adequate, first_sentence, high_floor, left_over, nothing_found, stands_on
 from gyrocal.recording.session import AXES, Session
-from gyrocal.units import percentage
+from gyrocal.units import number_of, percentage
 
 
 def show_calibration(
@@ -104,13 +104,14 @@ def show_explain(
         emit(found.to_json())
         return
     rows = [
-        [", ".join(s.effects), ", ".join(s.axes), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
+        [", ".join(s.effects), ", ".join(sorted(s.axes)), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
          "yes" if s.matters else "no"]
         for s in found.steps
     ]  # fmt: skip
-    table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
+    if rows:
+        table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
     print_diagnosis(found.last, path, None if model is None else str(model))
-    if found.steps:
+    if found.verdict != "implausible":
         stdout.print(f"{model or NOT_KEPT}: {', '.join(found.model.ids)}")
     if found.verdict == "adequate" and found.steps:
         compared = found.last.comparison.to_json()
@@ -138,7 +139,7 @@ def print_comparison(c: Comparison) -> None:
     """Print the levels by the axis about which a movement mainly turns, and where the model fails."""
     print_warnings(c.warnings)
     scene = c.fit.scene
-    stdout.print(f"{len(scene.rests)} rests, {len(scene.movements)} movements; rests begin at {_begins(scene)} s")
+    stdout.print(f"{_rests_and_movements(scene)}; rests begin at {_begins(scene)} s")
     table("", ANGLES, [*(angle_row(f"about {axis}", v) for axis, v in c.per_axis.items()), angle_row("all", c.pooled)])
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.note:
@@ -151,6 +152,10 @@ def print_comparison(c: Comparison) -> None:
     print_note(high_floor(c.to_json()))
     print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold", markup=False)
+
+
+def _rests_and_movements(scene: Scene) -> str:
+    return f"{number_of(len(scene.rests), 'rest')}, {number_of(len(scene.movements), 'movement')}"
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
@@ -169,7 +174,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     target = model if model and model.endswith(".toml") else "model.toml"
     if d.verdict == "add" and best is not None:
         cause = first_sentence(best.effect.cause)
-        stdout.print(f"Missing: {best.effect.title.lower()} on {best.axis}. {cause}", style="bold", markup=False)
+        axes = ", ".join(sorted(c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id))
+        stdout.print(f"Missing: {best.effect.title.lower()} on {axes}. {cause}", style="bold", markup=False)
         stdout.print(f"next: gyrocal add {best.effect.id} {session} --model {target}")
     elif d.verdict == "ambiguous" and best is not None:
         told = f"One of {', '.join(best.group)}. To tell them apart: {best.next_measurement}."
@@ -194,8 +200,8 @@ def print_calibration(c: Calibration) -> None:
         scene = fitted.scene
         turned = scene.turned_deg
         stdout.print(
-            f"{name}: {len(scene.rests)} rests, {len(scene.movements)} movements that turn gravity by {turned.min():.0f} to "
-            f"{turned.max():.0f} deg; rests begin at {_begins(scene)} s",
+            f"{name}: {_rests_and_movements(scene)} that turn gravity by "
+            f"{turned.min():.0f} to {turned.max():.0f} deg; rests begin at {_begins(scene)} s",
             markup=False,
         )
     unit = unit_of(e.bias_dps for e in c.estimates)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from gyrocal.device.record_hands import HandsReport
 from gyrocal.gravity.aims import Aim, Progress
 from gyrocal.policy import POLICY
+from gyrocal.units import number_of
 
 
 class Guide:
@@ -21,11 +22,11 @@ class Guide:
 
     def show(self, now: Progress) -> None:
         """Show the progress of this moment."""
-        self._state(f"{_rests(now.rests)}, {'at rest' if now.at_rest else 'moving'}")
+        self._state(f"{number_of(now.rests, 'rest')}, {'at rest' if now.at_rest else 'moving'}")
         if now.rests == self._rests:
             return
         self._rests = now.rests
-        self._say(f"{_rests(now.rests)}; {aims_line(now.aims)}")
+        self._say(f"{number_of(now.rests, 'rest')}; {aims_line(now.aims)}")
         if now.aims and all(aim.met for aim in now.aims) and not now.met:
             self._say(f"  the aims are met; {POLICY.aim_rests - now.rests} more rests, and the recording ends")
         if not now.met:
@@ -44,13 +45,9 @@ def aims_line(aims: Sequence[Aim]) -> str:
 def print_aims(report: HandsReport) -> None:
     """Print the rests, the standard errors, and whether the aims are met."""
     missing = [aim.axis for aim in report.aims if not aim.met]
-    print(f"{_rests(report.rests)}; {aims_line(report.aims)}" if report.aims else _rests(0))
+    print(f"{number_of(report.rests, 'rest')}; {aims_line(report.aims)}" if report.aims else number_of(0, "rest"))
     if missing or report.rests < POLICY.aim_rests:
         why = f"axes {', '.join(missing)}" if missing else f"fewer than {POLICY.aim_rests} rests"
         print(f"The aims are not met ({why}); leave the sensor on, and run the same command again to add to the recording")
     else:
         print(f"The aims are met; next: gyrocal calibrate {report.session}")
-
-
-def _rests(count: int) -> str:
-    return "1 rest" if count == 1 else f"{count} rests"

@@ -10,15 +10,15 @@ from typing import Any
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import UNREADABLE
-from gyrocal.present.output import stdout, table
-from gyrocal.recording import readers
+from gyrocal.present.output import plus_minus, stdout, table
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.header import folder_of
+from gyrocal.recording.mapped import data_file, files_of, is_log, source_of
 from gyrocal.recording.plan_file import PlannedRuns
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
+from gyrocal.units import number_of
 
-BAG = "metadata.yaml"
 PLAN = "gyrocal-plan"
 """What the format of a plan begins with."""
 
@@ -26,7 +26,7 @@ PLAN = "gyrocal-plan"
 def holds(source: Path) -> dict[str, Any]:
     """What lies there; ``kind`` is session, model, plan or log. Raises InputError if it is none of these."""
     path = folder_of(source)
-    if path.is_dir() and not (path / BAG).is_file():
+    if not is_log(path):
         return _session(Session.open(path))
     if path.suffix == ".toml":
         return _plan(path) if _format(path).startswith(PLAN) else _model(Model.open(path))
@@ -54,7 +54,11 @@ def _session(session: Session) -> dict[str, Any]:
 
 
 def _model(model: Model) -> dict[str, Any]:
-    return {"kind": "model", "name": model.name, "model": model.ids, "parameters": model.values_json()}
+    accelerometer = None if model.accelerometer is None else model.accelerometer.to_json()
+    return {
+        "kind": "model", "name": model.name, "model": model.ids, "parameters": model.values_json(),
+        "accelerometer": accelerometer,
+    }  # fmt: skip
 
 
 def _plan(path: Path) -> dict[str, Any]:
@@ -62,10 +66,13 @@ def _plan(path: Path) -> dict[str, Any]:
 
 
 def _log(path: Path) -> dict[str, Any]:
-    source = readers.read(path)
-    found: dict[str, Any] = {"kind": "log", "rows": source.frame.height, "columns": source.frame.columns}
+    sources = [source_of(files) for files in files_of(data_file(path))]
+    columns = list(dict.fromkeys(name for source in sources for name in source.frame.columns))
+    found: dict[str, Any] = {"kind": "log", "rows": sum(source.frame.height for source in sources), "columns": columns}
     try:
-        return found | {"guessed": [g.map for g in guess(source, Scaling())], "unknown": None}
+        guessed = guess(sources[0], Scaling())
+        question = next((g.question for g in guessed if g.asks), None)
+        return found | {"guessed": [g.map for g in guessed], "unknown": question}
     except InputError as error:
         return found | {"guessed": [], "unknown": str(error)}
 
@@ -74,21 +81,42 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
     """What :func:`holds` has found, in words."""
     kind = found["kind"]
     if kind == "log":
-        stdout.print(f"{source}: a log of {found['rows']} rows with the columns {', '.join(found['columns'])}")
-        stdout.print(found["unknown"] or "gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
+        stdout.print(f"{source}: a log of {number_of(found['rows'], 'row')} with the columns {', '.join(found['columns'])}")
+        if found["guessed"]:
+            stdout.print("gyrocal import would take: " + " ".join(f"--map '{g}'" for g in found["guessed"]))
+        if found["unknown"]:
+            stdout.print(found["unknown"], markup=False)
     elif kind == "model":
         stdout.print(f"{source}: a model, {found['name']}")
-        rows = [[p["effect"], p["axis"], p["name"], f"{p['value']:.6g}"] for p in found["parameters"]]
+        rows = [[p["effect"], p["axis"], p["name"], _value(p["value"], p["se"])] for p in found["parameters"]]
+        if found["accelerometer"] is not None:
+            rows += _accelerometer_rows(found["accelerometer"])
         table("", ["effect:", "axis:", "parameter:", "value"], rows)
     elif kind == "plan":
-        stdout.print(f"{source}: a plan of {len(found['runs'])} runs")
+        stdout.print(f"{source}: a plan of {number_of(len(found['runs']), 'run')}")
         names = list(found["runs"][0]) if found["runs"] else []
         table("", [f"{name}:" for name in names], [[_cell(value) for value in run.values()] for run in found["runs"]])
     else:
         about = f"axis {found['axis']}, {found['sample_rate_hz']:g} Hz, {found['sensor'] or 'no sensor named'}"
-        stdout.print(f"{source}: a session of {len(found['runs'])} runs, {about}; columns {', '.join(found['columns'])}")
+        runs = number_of(len(found["runs"]), "run")
+        stdout.print(f"{source}: a session of {runs}, {about}; columns {', '.join(found['columns'])}")
         names = ["file", "scenario", "face", "axis", "table_rate_dps", "turn_deg", "samples", "seconds"]
         table("", [f"{name}:" for name in names], [[_cell(run[name]) for name in names] for run in found["runs"]])
+
+
+def _value(value: float, se: float | None) -> str:
+    return f"{value:.6g}" if se is None else plus_minus(value, se)
+
+
+def _accelerometer_rows(found: dict[str, Any]) -> list[list[str]]:
+    """Scale and bias of the accelerometer, and what an axis reads of the acceleration along another one."""
+    rows = []
+    for i, axis in enumerate(AXES):
+        parts = {"scale": (found["scale"], found["scale_se"]), "bias_g": (found["bias_g"], found["bias_se_g"])}
+        rows += [["accelerometer", axis, name, _value(values[axis], se[axis])] for name, (values, se) in parts.items()]
+        cross = zip(found["matrix"][i][:i], found["matrix_se"][i][:i], strict=True)
+        rows += [["accelerometer", axis, f"of {AXES[j]}", _value(value, se)] for j, (value, se) in enumerate(cross)]
+    return rows
 
 
 def _cell(value: Any) -> str:

@@ -29,6 +29,7 @@ from gyrocal.present.taken import words as from_words
 from gyrocal.present.verdict import is_high
 from gyrocal.recording.session import Session
 from gyrocal.shown import VIEWS, View
+from gyrocal.units import number_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,8 +43,8 @@ def _table(rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
 
 
 def _session_words(session: Session) -> str:
-    days = f", {len(session.days)} days" if session.days else ""
-    runs = f"{len(session.runs)} runs of {len(session.scenarios)} power cycles{days}"
+    days = f", {number_of(len(session.days), 'day')}" if session.days else ""
+    runs = f"{number_of(len(session.runs), 'run')} of {number_of(len(session.scenarios), 'power cycle')}{days}"
     first = f"{runs}, axis {session.axis}, {session.sample_rate_hz:g} Hz"
     known = [f"{run.file}: {run.face}, axis {run.axis}, {_known(run)}" for run in session.runs]
     return "\n".join([first + (f", {session.sensor}" if session.sensor else ""), *known])
@@ -114,7 +115,7 @@ def _calibration_words(found: Calibration) -> str:
         f"{_value(e.bias_dps, e.bias_se_dps)} dps{'' if e.trusted else ' (' + ', '.join(e.flags) + ')'}"
         for e in found
     ]
-    return "\n".join([f"{len(found)} estimates, {trusted} trusted", *lines])
+    return "\n".join([f"{number_of(len(found), 'estimate')}, {trusted} trusted", *lines])
 
 
 def _value(value: float | None, se: float | None) -> str:

@@ -124,19 +124,21 @@ def read_sections(path: Path) -> list[Cut]:
 
 def with_meta(
     cuts: Sequence[Cut], rules: Iterable[str], defaults: Mapping[str, Any],
-    named: Callable[[str], Mapping[str, Any]] = lambda _: {},
+    named: Callable[[str], Mapping[str, Any]] = lambda _: {}, others: Sequence[str] = (),
 ) -> list[Cut]:  # fmt: skip
     """Each cut with its keys: those that ``named`` reads from its name, then ``defaults``, then every rule
-    ``PATTERN:key=value,...`` that fits, then its own.
+    ``PATTERN:key=value,...`` that fits, then its own. A rule that fits none of them has to fit one of the ``others``, the names
+    of the recording's other runs.
     """
+    names = dict.fromkeys([*others, *(cut.name for cut in cuts)])
     parsed = []
     for rule in rules:
         what = f"--run-meta {rule}"
         pattern, colon, text = rule.partition(":")
         if not colon:
             raise InputError(f"{what}: want PATTERN:key=value,..., for example '*_rot:turn=360'")
-        if not any(fnmatch.fnmatchcase(cut.name, pattern) for cut in cuts):
-            raise InputError(f"{what}: no run is named so; there are {', '.join(c.name for c in cuts)}")
+        if not any(fnmatch.fnmatchcase(name, pattern) for name in names):
+            raise InputError(f"{what}: no run is named so; there are {', '.join(names)}")
         parsed.append((pattern, parse_meta(text, what)))
     rules_of = {cut.name: [keys for pattern, keys in parsed if fnmatch.fnmatchcase(cut.name, pattern)] for cut in cuts}
     return [replace(cut, meta=_merge([named(cut.name), defaults, *rules_of[cut.name], cut.meta])) for cut in cuts]

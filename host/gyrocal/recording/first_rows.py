@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import isnan
 from typing import Any
 
 import polars as pl
@@ -51,4 +52,5 @@ def first_rows(source: Source, mappings: Sequence[ColumnMap], guessed: Sequence[
 
 
 def _shown(cell: Any) -> str:
-    return "" if cell is None else f"{cell:.10g}" if isinstance(cell, float) else str(cell)
+    missing = cell is None or (isinstance(cell, float) and isnan(cell))
+    return "" if missing else f"{cell:.10g}" if isinstance(cell, float) else str(cell)

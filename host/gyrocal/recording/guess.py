@@ -78,6 +78,11 @@ class Guess:
     asks: bool = False
     """True if nothing in the file decides between this unit and another, so that a person has to say which it is."""
 
+    @property
+    def question(self) -> str:
+        """What has to be said of a unit that nothing decides."""
+        return f"the unit of {self.map.partition('=')[2].rpartition(':')[0]} is not known ({self.why})"
+
 
 def guess(
     source: Source, scaling: Scaling, axes: Sequence[str] = AXES, reference: bool = True, known: Known = Known()

@@ -220,6 +220,9 @@ def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | No
     return None
 
 
+HALF_TURN_DEG = 180.0
+
+
 def typical_rate_dps(t_s: Array, columns: Mapping[str, Array]) -> float | None:
     """The rms rate of a reference of any kind, deg/s, by its columns [n]; None where it hardly turns, or there is none."""
     step_s = float(np.nanmax(t_s) - np.nanmin(t_s)) / max(1, t_s.size - 1)
@@ -230,7 +233,8 @@ def typical_rate_dps(t_s: Array, columns: Mapping[str, Array]) -> float | None:
         cosine = np.abs(np.sum(q[1:] * q[:-1], axis=1)) / np.maximum(np.sum(q[1:] ** 2, axis=1), 1e-12)
         found = 2 * np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) / (skip * step_s)
     elif "ref_angle_deg" in columns:
-        found = np.diff(columns["ref_angle_deg"][::skip]) / (skip * step_s)
+        found = np.diff(columns["ref_angle_deg"][::skip], prepend=np.nan) / (skip * step_s)
+        found = found[np.abs(found) * skip * step_s < HALF_TURN_DEG]  # an encoder begins anew after a turn
     elif rates := [columns[n] for n in ("rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps") if n in columns]:
         found = np.sqrt(sum(r**2 for r in rates))
     if found is None or not np.isfinite(found).any():

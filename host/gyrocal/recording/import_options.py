@@ -30,7 +30,8 @@ class Options:
     name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
     ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate. ``clock``:
     whether the reference has the clock of the sensor (``same``) or its ``own``. ``joined``: files of other sensors of the same
-    recording, whose columns are put onto the times of the gyroscope's.
+    recording, whose columns are put onto the times of the gyroscope's. ``rates``: the table's true rates, deg/s, of a file that
+    is cut into its plateaus, each of which has the nearest one.
     """
 
     maps: Sequence[str] = ()
@@ -50,6 +51,7 @@ class Options:
     gravity: bool = False
     clock: str = "same"
     joined: Sequence[Path] = ()
+    rates: Sequence[float] = ()
     needs_rate: bool = field(default=True, repr=False)
     """False for a log that is only corrected: no true rate is asked for, and none is looked for among its columns."""
 
@@ -72,6 +74,16 @@ class Options:
         defaults = check_meta({**taken.get("defaults", {}), **facts}, "import_recording")
         scaling = Scaling(**{**asdict(taken.get("scaling", Scaling())), **sizes})
         return Options(**{**taken, "maps": maps, "cuts": cuts, "defaults": defaults, "scaling": scaling})
+
+    def check_rates(self) -> None:
+        """Raise InputError where ``rates`` stand beside what says otherwise how the file is cut, or which rates it has."""
+        others = {
+            "--run or --sections": self.cuts, "--rate": "table_rate_dps" in self.defaults,
+            "--turn-deg": "turn_deg" in self.defaults, "--gravity": self.gravity,
+        }  # fmt: skip
+        beside = next((name for name, given in others.items() if given), None)
+        if self.rates and beside:
+            raise InputError(f"--rates cuts a file into runs at the table's rates; leave out {beside}")
 
     @property
     def reference(self) -> Reference:

@@ -50,6 +50,8 @@ class Imported:
     repaired: Mapping[str, int]
     first_rows: tuple[Taken, ...] = ()
     """The columns with their first cells: of a folder, those of its first file, and those that another file has otherwise."""
+    recordings: int = 1
+    """Number of recordings, each with a file of its own."""
 
     def save(self, out: str | Path, *, append: bool = False) -> Session:
         """Write the session into a new folder, or add its runs to one. Nothing is written if that fails."""
@@ -111,8 +113,9 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     of_reference = with_second(with_gravity(options, existing))
     options = of_reference.options
     files = files_of(path, options.joined)
-    if len(files) > 1 and options.cuts:
-        raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
+    if len(files) > 1 and (options.cuts or options.rates):
+        raise InputError(f"{path}: {len(files)} files, each a run; --run, --sections and --rates cut a single file")
+    options.check_rates()
     runs: list[Run] = []
     warnings: list[Warning] = []
     repaired: dict[str, int] = {}
@@ -121,8 +124,9 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     number = len(existing.runs) if existing else 0
     axis = options.axis or (existing.axis if existing else None)
     corrected = {existing.corrected} if existing else set[str | None]()
+    names = [_stem(file.gyroscope) for file in files] if len(files) > 1 else []
     for file in files:
-        read = _read_file(file, replace(options, axis=axis), number + len(runs), named=len(files) > 1)
+        read = _read_file(file, replace(options, axis=axis), number + len(runs), names)
         runs += read.session.runs
         corrected.add(read.session.corrected)
         _check_alike(file.gyroscope, corrected)
@@ -140,7 +144,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
     repaired |= {"resampled": slowed} if slowed else {}
     return Imported(
-        session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows)
+        session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows), len(files)
     )
 
 
@@ -151,8 +155,12 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
         raise InputError(f"{file}: a session cannot hold {kinds}; import this recording into a session of its own")
 
 
-def _read_file(files: Files, options: Options, number: int, named: bool) -> Imported:
-    """The runs of one recording; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
+def _stem(path: Path) -> str:
+    return path.name.split(".")[0]
+
+
+def _read_file(files: Files, options: Options, number: int, names: Sequence[str]) -> Imported:
+    """The runs of one recording; ``number`` is the first run's, and ``names`` are those of all files where each is a run."""
     path, mapped = files.gyroscope, mapped_columns(files, options)
     mappings, source = mapped.mappings, mapped.source
     axis = options.axis or only_axis(mappings)
@@ -169,25 +177,30 @@ def _read_file(files: Files, options: Options, number: int, named: bool) -> Impo
         start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
         more = options.second.columns(table.columns["t_s"], start_s, options.scaling)
         table = replace(table, columns={**table.columns, **more})
-    stem = path.name.split(".")[0]
+    stem = _stem(path)
     labels = check_meta(labels_of(stem), str(path))
     left = {"table_rate_dps"} if options.gravity else set[str]()
 
     def named_so(name: str) -> dict[str, Any]:
         """What a run's name says, as ``x_rot`` of its axis, or its file's name; a run by hand has no rate."""
         found = labels | check_meta(labels_of(name), f"run {name}")
-        return {key: value for key, value in found.items() if key not in left}
+        return {key: value for key, value in found.items() if key not in left and key not in options.defaults}
 
     defaults = {**labels, **options.defaults}
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
     kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
-    cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
-    cuts = with_meta(cuts, options.run_meta, options.defaults, named_so)
+    cuts = list(options.cuts) or [Cut(stem if names else f"{number:03d}_{kind}")]
+    power_on_s = options.defaults.get("power_on_s")
+    of_runs = {key: value for key, value in options.defaults.items() if key != "power_on_s"}
+    cuts = with_meta(cuts, options.run_meta, of_runs, named_so, names)
     rests = 0
-    if not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
+    if options.rates:
+        cuts = plateaus.at_rates(source.label, table.columns, cuts[0], options.rates)
+    elif not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
         cuts = plateaus.cut(source.label, table.columns, cuts[0])
         rests = len(cuts) - 1
+    cuts = [_since_power_on(cut, table, power_on_s) for cut in cuts]
     check_names_differ(cuts)
     evened: list[Warning] = []
     runs = [
@@ -282,6 +295,15 @@ def _run(
     )  # fmt: skip
 
 
+def _since_power_on(cut: Cut, table: Converted, power_on_s: float | None) -> Cut:
+    """The cut with the time since power-on of its first sample; ``power_on_s`` is that of the table's first one."""
+    if power_on_s is None or "power_on_s" in cut.meta:
+        return cut
+    t_s = table.columns["t_s"]
+    later_s = float(t_s[min(max(_place(table, cut.start, 0), 0), t_s.size - 1)] - t_s[0])
+    return replace(cut, meta={**cut.meta, "power_on_s": round(power_on_s + later_s, 6)})
+
+
 def _face(meta: Mapping[str, Any], columns: Mapping[str, Array], axis: str) -> str:
     """The face of a run. If it is not stated, the accelerometer says it of a rest; it is up otherwise."""
     acc_g = [columns[name] for name in ("ax_g", "ay_g", "az_g") if name in columns]
@@ -295,8 +317,8 @@ def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Referenc
     if reference.kind != "gravity":
         if not stated:
             raise InputError(
-                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps; or --gravity, "
-                f"if it was turned by hand between rests; --rate 0 is a sensor that lay still{not_taken}"
+                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps or ref_angle_deg; "
+                f"or --gravity, if it was turned by hand between rests; --rate 0 is a sensor that lay still{not_taken}"
             )
     elif stated:
         raise InputError(f"run {cut.name}: the reference is gravity, and a true rate is given too; leave out one of them")

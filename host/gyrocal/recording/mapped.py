@@ -9,7 +9,7 @@ from pathlib import Path
 from gyrocal.errors import InputError
 from gyrocal.recording import joined, readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
-from gyrocal.recording.guess import Guess, guess
+from gyrocal.recording.guess import Guess, guess, time_column
 from gyrocal.recording.guess_units import Known, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
@@ -19,6 +19,11 @@ from gyrocal.recording.source import Source
 from gyrocal.recording.table import REQUIRED
 
 TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
+BAG = "metadata.yaml"
+"""A folder with this file is a ROS 2 bag."""
+
+
+PLAIN = Options()
 
 
 @dataclass(frozen=True)
@@ -35,9 +40,18 @@ def data_file(path: Path) -> Path:
     return next((p for p in (path / "data.csv", path / "imu0" / "data.csv") if p.is_file()), path)
 
 
+def is_log(path: Path) -> bool:
+    """True for what `import` reads: a file, a ROS 2 bag, or a folder of tables without session.toml."""
+    if not path.is_dir() or (path / BAG).is_file():
+        return True
+    if (path / "session.toml").is_file():
+        return False
+    return data_file(path) != path or any(p.suffix.lower() in TABLES for p in path.iterdir())
+
+
 def files_of(path: Path, others: Sequence[Path] = ()) -> list[Files]:
     """The recordings in a file, or in a folder that is no ROS 2 bag; ``others`` are files that are joined to a file."""
-    if not path.is_dir() or (path / "metadata.yaml").is_file():
+    if not path.is_dir() or (path / BAG).is_file():
         return [Files(path, tuple(others))]
     if others:
         raise InputError(f"--join: {path} is a folder; give the file of the gyroscope itself")
@@ -54,7 +68,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
     names, targets = [m.column for m in mappings], {m.target for m in mappings}
     complete = any(f"g{a}_dps" in targets for a in AXES)
-    source = _read(files, names if complete else (), options)
+    source = source_of(files, names if complete else (), options)
     source.check_has(names)
     if complete:
         return Mapped(mappings, source)
@@ -67,6 +81,9 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
         if options.second is not None:
             return options.second.typical_rate_dps(scaling)
         columns = {m.target: source.numbers(m) for m in mappings}
+        time = time_column(source)
+        if "t_s" not in columns and time is not None:
+            columns["t_s"] = source.numbers(ColumnMap.parse(time.map, scaling))
         return typical_rate_dps(columns["t_s"], columns) if "t_s" in columns else None
 
     known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
@@ -75,7 +92,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
 
 
-def _read(files: Files, names: Sequence[str], options: Options) -> Source:
+def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN) -> Source:
     """The table of a recording, with the columns that are computed from others: those of other sensors, and quaternions."""
     computed = bool(files.others) or any(map(is_of_matrix, names))
     asked = () if computed else names

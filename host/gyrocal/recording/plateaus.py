@@ -25,6 +25,8 @@ REST_DPS = 5.0
 """Largest reading of a sensor at rest that is taken for its bias, dps."""
 APART_DPS, APART_PART = 5.0, 0.1
 """Two plateaus are of different rates if they are further apart than this, deg/s, and than this part of the larger rate."""
+OFF = 0.15
+"""Largest part by which a reading is off the table's rate: the scale beyond which no gyroscope is believed."""
 MARGIN_S = 0.25
 """What a known turn keeps of the rests about it, s."""
 MOST = 24
@@ -107,15 +109,63 @@ def of_several_rates(found: Sequence[Plateau]) -> list[Plateau]:
     return long if apart > max(APART_DPS, APART_PART * float(np.abs(means).max())) else []
 
 
-def in_words(found: Sequence[Plateau]) -> str:
-    """The options that make a run of each plateau, with the rates as they are read."""
-    options, numbers = [], {"rest": 0, **dict.fromkeys(AXES, 0)}
+def at_rates(label: str, columns: Mapping[str, Array], whole: Cut, rates_dps: Sequence[float]) -> list[Cut]:
+    """A run of each plateau of a table, its columns by target; its true rate is the nearest of ``rates_dps``, or 0 at rest.
+
+    ``rates_dps`` are the table's, which a sensor whose face is down reads with the opposite sign. Raises InputError for a
+    plateau that is near none of them or near two, and for a rate that no plateau has.
+    """
+    gyro = [columns.get(f"g{a}_dps", np.zeros(columns["t_s"].size)) for a in AXES]
+    found = [p for p in find(columns["t_s"], gyro) if p.stop_s - p.start_s >= LEAST_S]
+    sign = -1.0 if whole.meta.get("face") == "down" else 1.0
+    cuts = []
+    for p, name in zip(found, _names(found), strict=True):
+        rate_dps = 0.0 if p.at_rest else _nearest(label, p, rates_dps, sign)
+        facts = {"table_rate_dps": rate_dps} | ({} if p.at_rest else {"axis": AXES[p.axis]})
+        stop = None if p.stop == columns["t_s"].size else Edge(p.stop_s, True)
+        cuts.append(Cut(name, Edge(p.start_s, True), stop, {**whole.meta, **facts}))
+    used = {cut.meta["table_rate_dps"] for cut in cuts}
+    unused = [rate for rate in rates_dps if rate not in used and rate != 0]
+    if unused or not cuts:
+        read = ", ".join(_read(found)) or "none but rests"
+        missed = f"{unused[0]:g} dps" if unused else "any rate"
+        raise InputError(f"{label}: --rates: no plateau of {LEAST_S:g} s or more is at {missed}; there are plateaus at {read}")
+    return cuts
+
+
+def _nearest(label: str, p: Plateau, rates_dps: Sequence[float], sign: float) -> float:
+    """The stated rate that a plateau's reading is nearest to."""
+    read_dps = float(p.mean_dps[p.axis])
+    near = sorted((abs(read_dps - sign * rate), rate) for rate in rates_dps if rate != 0)
+    where = f"{label}: --rates: the plateau from {p.start_s:.2f} to {p.stop_s:.2f} s reads {read_dps:.4g} dps"
+    if not near or near[0][0] > REST_DPS + OFF * abs(near[0][1]):
+        raise InputError(f"{where}, and no stated rate is near; add the table's rate there, or cut the file by --run")
+    if len(near) > 1 and near[0][0] > near[1][0] / 2:
+        raise InputError(f"{where}, near {near[0][1]:g} and {near[1][1]:g} dps; cut the file by --run")
+    return near[0][1]
+
+
+def _names(found: Sequence[Plateau]) -> list[str]:
+    """A name for each plateau: ``rest_1``, ``z_1``, ``z_2`` ..."""
+    names, numbers = [], {"rest": 0, **dict.fromkeys(AXES, 0)}
     for p in found:
         kind = "rest" if p.at_rest else AXES[p.axis]
         numbers[kind] += 1
+        names.append(f"{kind}_{numbers[kind]}")
+    return names
+
+
+def in_words(found: Sequence[Plateau]) -> str:
+    """The options that make a run of each plateau, with the rates as they are read."""
+    options = []
+    for p, name in zip(found, _names(found), strict=True):
         facts = "rate=0" if p.at_rest else f"axis={AXES[p.axis]},rate={p.mean_dps[p.axis]:.3g}"
-        options.append(f"--run {kind}_{numbers[kind]}:{p.start_s:.2f}s:{p.stop_s:.2f}s:{facts}")
+        options.append(f"--run {name}:{p.start_s:.2f}s:{p.stop_s:.2f}s:{facts}")
     return " ".join(options)
+
+
+def _read(found: Sequence[Plateau]) -> list[str]:
+    return [f"{p.mean_dps[p.axis]:.3g}" for p in found if not p.at_rest]
 
 
 def about_a_turn(found: Sequence[Plateau], name: str, meta: Mapping[str, Any], end: int) -> list[Cut]:
@@ -150,6 +200,7 @@ def cut(label: str, columns: Mapping[str, Array], whole: Cut) -> list[Cut]:
         return [whole]
     stated = "its true rate is not known" if rate_dps is None else f"one rate, {rate_dps:g} dps, is stated"
     raise InputError(
-        f"{label}: {stated}, and the readings show {len(several)} plateaus. Make a run of each, with the table's own "
-        f"rates in place of those that are read here: {in_words(several)}; or all of it as one run: --run all::"
+        f"{label}: {stated}, and the readings show {len(several)} plateaus. Make a run of each, with the table's own rates in "
+        f"place of those that are read: --rates {','.join(dict.fromkeys(_read(several)))}; or one by one, again with the "
+        f"table's own rates in place of those that are read here: {in_words(several)}; or all of it as one run: --run all::"
     )

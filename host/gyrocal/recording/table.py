@@ -6,6 +6,7 @@ reason.
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 from typing import Any
 
@@ -79,12 +80,16 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:
-    """Write a run's table as Parquet or CSV, by the name's ending; times to the microsecond."""
+    """Write a run's table as Parquet or CSV, which ``.gz`` compresses, by the name's ending; times to the microsecond."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".parquet":
         table.write_parquet(path)
+        return
+    shown = table.with_columns(pl.col(c).round(6 if c == "t_s" else 9) for c in table.columns)
+    if path.suffix == ".gz":
+        path.write_bytes(gzip.compress(shown.write_csv().encode(), mtime=0))
     else:
-        table.with_columns(pl.col(c).round(6 if c == "t_s" else 9) for c in table.columns).write_csv(path)
+        shown.write_csv(path)
 
 
 def all_finite(values: Array) -> bool:

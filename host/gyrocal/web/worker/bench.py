@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, check, compare, diagnose, simulate
-from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, calibrate, pairs
+from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, calibrate
+from gyrocal.calibration.pairs import pairs
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.answer.add import attempt, proven_on
