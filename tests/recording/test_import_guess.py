@@ -285,3 +285,23 @@ def test_letters_and_rotations_are_rates_only_beside_other_evidence(names: list[
     else:
         with pytest.raises(InputError, match="no gyroscope is recognized"):
             guess(source, Scaling())
+
+
+def test_a_receivers_time_of_day_is_no_count_of_milliseconds() -> None:
+    """123859900 is followed by 123900000: as milliseconds the recording would be 40 s longer for each minute."""
+    tenths = 583_553 + np.arange(N * 5) // 5  # a clock of 0.1 s, five samples each
+    digits = tenths // 600 % 60 * 100_000 + tenths % 600 * 100 + 120_000_000
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N * 5) / 50) for axis in "xyz"}
+    of_day = pl.DataFrame({"time": digits, "millis": 1.4e12 + 20.0 * np.arange(N * 5), **rates})
+    found = next(g for g in guess(Source("a.csv", of_day), Scaling()) if g.map.startswith("t_s"))
+    assert found.map == "t_s=millis:ms"
+    assert not [g for g in guess(Source("a.csv", of_day.drop("millis")), Scaling()) if g.map.startswith("t_s")]
+
+
+def test_of_two_clocks_the_finer_is_taken() -> None:
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N) / 50) for axis in "xyz"}
+    coarse, fine = 100.0 * (np.arange(N) // 5), 7e9 + 2e7 * np.arange(N)
+    both = pl.DataFrame({"time": coarse, "sensor_timestamp": fine, **rates})
+    assert next(g.map for g in guess(Source("a.csv", both), Scaling())) == "t_s=sensor_timestamp:ns"
+    even = both.with_columns(time=20.0 * pl.int_range(N))
+    assert next(g.map for g in guess(Source("a.csv", even), Scaling())) == "t_s=time:ms"

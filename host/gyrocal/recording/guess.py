@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.recording.clock_digits import shows_clock
 from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling
 from gyrocal.recording.column_names import (
     GYRO,
@@ -63,6 +64,10 @@ OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
 WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
 """Words of a column that says which sensor a row is of."""
 MOST_SENSORS = 16
+REPEATED = 0.1
+"""Part of the stamps that repeat the one before, from which on a finer clock of the same table is looked for."""
+FINER = 0.5
+"""A finer clock repeats fewer of its stamps than this part of the other's."""
 ALTERNATE = 0.25
 """Part of the rows from which another sensor's follow each other in turn, and are no recordings one after the other."""
 
@@ -207,29 +212,45 @@ def _check_one_sensor(source: Source) -> None:
 
 
 def time_column(source: Source) -> Guess | None:
-    """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate."""
+    """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate.
+
+    Where its stamps repeat, as those of a coarse clock, a finer one of the table is taken.
+    """
     units = "|".join(UNIT_WORDS["t_s"].values())
     named = rf"(?:.*[/._])?(?:{TIME})(?:_?cal|_?since_(?:start|reboot|boot))?(?:_in)?(?:[_.]?(?:{units}))?"
     names = [n for n in source.frame.columns if re.fullmatch(named, bare_name(n)[0])]
     with_unit = [n for n in source.frame.columns if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
-    for name in (*names, *with_unit):
+    taken, least = None, 1.0
+    for name in dict.fromkeys((*names, *with_unit)):
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 2 or not _runs_forward(t_s):
             continue
-        stated = stated_unit(name, "t_s")
-        if moments_ns(source.frame[name]) is not None:
-            return Guess(f"t_s={name}", "dates or times of day")
-        if stated is not None:
-            return Guess(f"t_s={name}:{stated}", "the unit is in its name")
-        if source.si:
-            return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
-        step = period_s(np.maximum.accumulate(t_s[:2000]))
-        if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
-            return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
-        if step > 0 and (guessed := _unit_of_time(source, name, t_s, step)) is not None:
-            return guessed
-    return None
+        repeated = float(np.mean(np.diff(t_s) == 0))
+        if taken is not None and repeated > FINER * least:
+            continue
+        if (guessed := _as_time(source, name, t_s)) is not None:
+            taken, least = guessed, repeated
+        if least < REPEATED:
+            break
+    return taken
+
+
+def _as_time(source: Source, name: str, t_s: Array) -> Guess | None:
+    """What the unit of a column of time stamps [n] is taken for; None where they are no time."""
+    stated = stated_unit(name, "t_s")
+    if moments_ns(source.frame[name]) is not None:
+        return Guess(f"t_s={name}", "dates or times of day")
+    if stated is not None:
+        return Guess(f"t_s={name}:{stated}", "the unit is in its name")
+    if source.si:
+        return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
+    step = period_s(np.maximum.accumulate(t_s[:2000]))
+    if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
+        return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
+    if step <= 0 or any(shows_clock(t_s + source.start_s(ColumnMap("t_s", name)), size) for _, size in TIME_UNITS):
+        return None
+    return _unit_of_time(source, name, t_s, step)
 
 
 def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess | None:
