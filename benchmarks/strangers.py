@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -35,6 +37,8 @@ from gyrocal.recording.session import AXES, Session
 
 SECONDS = 20.0
 """Processor time that one import may take, s."""
+ASKED = 2
+"""Answers that a reader gives before he gives up."""
 SHOWN = 100
 """Characters of an error that the table shows."""
 KINDS_WITHOUT = ("rate tables", "encoders", "thermal logs", "hours at rest")
@@ -62,18 +66,28 @@ def graded(one: Recording, work: Path) -> Iterator[Fact]:
         return
     yield said(one.name, "it is read, or one line says what to add", told, "read, or an option named", "the command",
                not done.returncode or (single and "--" in error))  # fmt: skip
-    if done.returncode and one.options:
-        done, spent_s = imported(one, lab, one.options)
-        error = done.stderr.strip()
+    for _ in range(ASKED):
+        if done.returncode and (answer := _answer(one, error)):
+            done, spent_s = imported(one, lab, answer)
+            error = done.stderr.strip()
     yield said(one.name, "imported", f"exit {done.returncode} {error[:SHOWN]}", "exit 0", "the command", not done.returncode)
     if not done.returncode:
         yield from _facts(one, truth_of(one), json.loads(done.stdout), lab)
         yield said(one.name, "processor time", f"{spent_s:.1f} s", f"at most {SECONDS:g} s", "measured", spent_s <= SECONDS)
 
 
+def _answer(one: Recording, error: str) -> tuple[str, ...]:
+    """The options that a reader of the documentation adds: the unit by the lines that the error proposes, or the list's."""
+    if "Say which it is" not in error:
+        return one.options
+    lines = shlex.split(error[error.index("--map") : error.rindex(", or :")])
+    unit = "dps" if one.units[1] == 1 else "rad/s"
+    return tuple(re.sub("(g[xyz]_dps=.*):(?:dps|rad/s)", rf"\1:{unit}", line) for line in lines)
+
+
 def _facts(one: Recording, truth: Truth, told: dict[str, Any], lab: Path) -> Iterator[Fact]:
     mapped = [g.partition("=")[2] for g in told["guessed"]]
-    if mapped and truth.names:
+    if mapped and truth.names and "--columns" not in one.options:
         right = all(any(m == name or m.startswith((f"{name}:", f"{name} (")) for m in mapped) for name in truth.names)
         yield said(one.name, "rates are of their columns", "yes" if right else ", ".join(mapped), ", ".join(truth.names),
                    "the repository", right)  # fmt: skip
@@ -84,7 +98,7 @@ def _facts(one: Recording, truth: Truth, told: dict[str, Any], lab: Path) -> Ite
     yield close(one.name, "samples", told["rows"], len(truth.t_s), 0, "rows with numbers")
     rate_hz = 1 / truth.step_s
     yield close(one.name, "samples a second", told["sample_rate_hz"], rate_hz, one.rate_within * rate_hz,
-                "mean step without gaps")  # fmt: skip
+                "median of ten steps together")  # fmt: skip
     yield close(one.name, "duration, s", float(run["t_s"].max()), duration_s, 2 * truth.step_s + 0.001 * duration_s,  # type: ignore[arg-type]
                 "numpy")  # fmt: skip
     yield close(one.name, "largest rate, dps", float(np.nanmax(np.abs(read))), largest, 1e-3 * largest,

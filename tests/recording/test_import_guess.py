@@ -2,6 +2,8 @@
 
 import json
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +148,12 @@ def test_a_guess_needs_consent(log: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_a_guess_is_taken_by_yes_or_json_and_told(log: Path, consent: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = log.with_name("out")
     assert main(["import", str(log), str(out), "--rate", "170", consent]) == 2  # 3 may be deg/s or rad/s
-    assert "the unit of gyro_x is not known" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "the unit of gyro_x is not known" in error
+    advice = shlex.split(error[error.index("--map") : error.index(", or")].replace(":rad/s", ":dps"))
+    assert main(["import", str(log), str(out), "--rate", "170", consent, *advice]) == 0  # the advice alone is enough
+    shutil.rmtree(out)
+    capsys.readouterr()
     log.write_text(log.read_text().replace("gyro_x,gyro_y,gyro_z", "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s"))
     assert main(["import", str(log), str(out), "--rate", "170", consent]) == 0
     said = capsys.readouterr().out

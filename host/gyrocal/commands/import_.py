@@ -229,9 +229,10 @@ def decided(found: "Imported") -> None:
     if asked:
         stated, _, unit = asked[0].map.rpartition(":")
         other = "dps" if unit == "rad/s" else "rad/s"
+        same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
         raise InputError(
-            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): nothing in the recording decides between "
-            f"them. Say which it is: {' '.join(f'--map {chr(39)}{g.map}{chr(39)}' for g in asked)}, or :{other} in each"
+            f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): neither gravity nor the noise at rest nor "
+            f"a known rate decides between them. Say which it is, with all columns: {same}, or :{other} for the rates"
         )
 
 
