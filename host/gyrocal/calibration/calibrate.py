@@ -214,7 +214,11 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
-    return "scale and bias cannot be determined; record both faces, or rest and a known turn"
+    ask = "record both faces, or rest and a known turn"
+    if not any(run.rate_is_mean or np.any(run.rate_dps != 0.0) for run in session.runs):
+        bias = "The bias alone is in the model that `gyrocal explain SESSION --model FILE` fits"
+        return f"the scale cannot be determined at rest; {ask}. {bias}"
+    return f"scale and bias cannot be determined; {ask}"
 
 
 def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:

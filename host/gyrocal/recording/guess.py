@@ -211,17 +211,22 @@ def _check_one_sensor(source: Source) -> None:
             raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
 
 
+def named_as_time(names: Sequence[str]) -> list[str]:
+    """The columns that are named as a time, then those of one letter with a unit of time."""
+    units = "|".join(UNIT_WORDS["t_s"].values())
+    named = rf"(?:.*[/._])?(?:{TIME})(?:_?cal|_?since_(?:start|reboot|boot))?(?:_in)?(?:[_.]?(?:{units}))?"
+    words = [n for n in names if re.fullmatch(named, bare_name(n)[0])]
+    letters = [n for n in names if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
+    return list(dict.fromkeys((*words, *letters)))
+
+
 def time_column(source: Source) -> Guess | None:
     """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate.
 
     Where its stamps repeat, as those of a coarse clock, a finer one of the table is taken.
     """
-    units = "|".join(UNIT_WORDS["t_s"].values())
-    named = rf"(?:.*[/._])?(?:{TIME})(?:_?cal|_?since_(?:start|reboot|boot))?(?:_in)?(?:[_.]?(?:{units}))?"
-    names = [n for n in source.frame.columns if re.fullmatch(named, bare_name(n)[0])]
-    with_unit = [n for n in source.frame.columns if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
     taken, least = None, 1.0
-    for name in dict.fromkeys((*names, *with_unit)):
+    for name in named_as_time(source.frame.columns):
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 2 or not _runs_forward(t_s):
