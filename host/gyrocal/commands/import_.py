@@ -232,7 +232,7 @@ def decided(found: "Imported") -> None:
         same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
         raise InputError(
             f"the unit of {stated.partition('=')[2]} is not known ({asked[0].why}): neither gravity nor the noise at rest nor "
-            f"a known rate decides between them. Say which it is, with all columns: {same}, or :{other} for the rates"
+            f"a known rate decides between them. Say which it is, with all columns: {same}, or :{other} in each rate"
         )
 
 
