@@ -230,7 +230,7 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
     if _is_even(t_s):
         return np.arange(n), _even_interval_s(t_s)
     if _is_on_demand(t_s):
-        return np.arange(n), typical_step_s(t_s)
+        return np.arange(n), _mean_step_s(np.diff(t_s))
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
