@@ -115,7 +115,7 @@ def _facts(one: Recording, truth: Truth, told: dict[str, Any], lab: Path) -> Ite
     codes = {w["code"] for w in told["warnings"]}
     expected = [("an autopilot corrected the rates", "corrected_already", one.corrected, "its topic")]
     if one.reference is None:
-        expected.insert(0, ("it is not at rest", "not_at_rest", truth.moves, "means of seconds and scatter in numpy"))
+        expected.insert(0, ("it is not at rest", "not_at_rest", one.moves or truth.moves, "means and scatter in numpy"))
     for what, code, is_so, source in expected:
         yield said(one.name, what, "told" if code in codes else "not told", "told" if is_so else "not told", source,
                    (code in codes) == is_so)  # fmt: skip

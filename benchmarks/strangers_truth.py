@@ -41,6 +41,7 @@ class Recording:
     g: float = 1.0
     rate_hz: float | None = None
     rate_within: float = 0.01
+    moves: bool = False
     topic: str | None = None
     corrected: bool = False
     reference: str | None = None
@@ -53,7 +54,8 @@ class Recording:
     def name(self) -> str:
         """Repository and file, short."""
         path = Path(self.path)
-        return f"{self.repository['name'].split('/')[1]}: {path.parent.parent.name if path.stem == 'data' else path.stem}"
+        parts = [self.repository["name"].split("/")[1], path.parts[-4] if path.match("mav0/*/data.csv") else path.stem]
+        return ": ".join(parts) + (f", {self.topic}" if self.always else "")
 
     @property
     def folder(self) -> Path:

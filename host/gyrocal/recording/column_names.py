@@ -11,7 +11,7 @@ from gyrocal.recording.source import Source
 GYRO = (
     r"gyro(?:scope)?s?|gyro_?adc|gyro_?(?:raw|unfilt|out|rotation|rate)|giro(?:scopio)?s?|gyrs?|gyr_rad_s|g|gy|w|omega|"
     r"ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?(?:rate|speed)|w_rs_s|imu\.gyro|(?:turn|body)_?rates?|pqr|"
-    r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz"
+    r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz|wb"
 )
 SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
 """Words that are clear also behind the axis, as in ``x_gyro``."""
