@@ -36,8 +36,10 @@ def pairs(rows: Sequence[Row], passed: bool) -> list[tuple[float, bool]]:
     for row in rows:
         right = {tuple(name) for name in row["truth"]["right"]}
         for c in row["candidates"]:
+            if row["error"] is not None or c.get("log_odds") is None:
+                continue
             checks = None if c.get("checks") is None else Checks(**c["checks"])
-            if row["error"] is None and c.get("log_odds") is not None and (checks is None or checks.passed) is passed:
+            if (checks is None or checks.passed(c["log_odds"])) is passed:
                 out.append((min(float(c["log_odds"]), MOST), (c["effect"], c["axis"]) in right))
     return out
 

@@ -129,6 +129,7 @@ class Checks(TypedDict):
     share: Number
     same_in_parts_p: Number
     difference: Number
+    passed: bool
 
 
 class CandidateAnswer(TypedDict):
@@ -559,8 +560,8 @@ class Version(TypedDict):
 
 ANSWERS: dict[str, tuple[Any, str]] = {
     "add": (Add, "1.0"), "allan": (Allan, "1.0"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
-    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.0"), "device": (Device, "1.0"),
-    "diagnose": (Diagnose, "1.0"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
+    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.1"), "device": (Device, "1.0"),
+    "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.0"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
     "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),

@@ -212,16 +212,17 @@ def test_what_a_better_one_explains_is_not_named_beside_it() -> None:
     assert named == {"vibration_tone", "scale_asymmetry"}
 
 
-def turned(wave: Callable[[Array], Array]) -> Session:
-    """Ten runs of almost nine turns at 78 deg/s with an error over the table's angle, radians, that begins anywhere."""
+def turned(wave: Callable[[Array], Array], count: int = 10, length_s: float = 40.0, axis: int = 2) -> Session:
+    """Runs at 78 deg/s, of almost nine turns each, with an error over the table's angle, radians, that begins anywhere."""
     rng = np.random.default_rng(5)
-    t_s = np.arange(round(40 * RATE_HZ)) / RATE_HZ
+    t_s = np.arange(round(length_s * RATE_HZ)) / RATE_HZ
     runs = []
-    for k in range(10):
+    for k in range(count):
         face = "down" if k % 2 else "up"
         rate_dps = -78.0 if k % 2 else 78.0
         gyro = rng.normal(rng.normal(0, 0.005, 3), 0.03, (t_s.size, 3))
-        gyro[:, 2] += rate_dps + wave(np.deg2rad(78.0 * t_s + rng.uniform(0, 360)))
+        gyro[:, 2] += rate_dps
+        gyro[:, axis] += wave(np.deg2rad(78.0 * t_s + rng.uniform(0, 360)))
         runs.append(make_run(t_s, gyro, scenario=f"s{k // 2}", rate_hz=RATE_HZ, face=face))
     return make_session(*runs)
 
@@ -245,6 +246,35 @@ def test_a_pulse_once_a_turn_is_no_ripple_and_its_harmonics_are_no_vibration(wid
     assert found.unknown is not None
     assert found.unknown["against"] in ("table_angle", "order")
     assert [c.effect.id for c in found.candidates if c.decision in ("add", "suggest")] == []
+
+
+@pytest.mark.parametrize(("count", "length_s", "size_dps"), [(2, 160.0, 0.015), (4, 75.0, 0.012)])
+def test_a_weak_pulse_once_a_turn_is_no_tone_of_one_order(count: int, length_s: float, size_dps: float) -> None:
+    """None of its lines but the first stands out among all orders."""
+
+    def pulse(angle: Array) -> Array:
+        return np.asarray(size_dps * np.exp(-0.5 * ((np.mod(np.rad2deg(angle), 360) - 180) / 15.0) ** 2))
+
+    found = diagnose(turned(pulse, count, length_s, axis=1))
+    assert [c.effect.id for c in found.candidates if c.decision == "add"] == []
+
+
+@pytest.mark.parametrize(("order", "named"), [(1.0, True), (2.0, True), (1.08, False)])
+def test_at_one_rate_a_wave_beside_a_whole_number_per_turn_is_not_fixed_to_the_table(order: float, named: bool) -> None:
+    found = diagnose(turned(harmonics({order: 0.012}), 12, 17.0, axis=1))
+    assert ("order_tone" in [c.effect.id for c in found.candidates if c.decision == "add"]) is named
+
+
+@pytest.mark.parametrize(("amplitude", "named"), [(2e-5, False), (2e-4, True)])
+def test_a_wave_smaller_than_any_table_makes_is_suggested(amplitude: float, named: bool) -> None:
+    """A quiet sensor shows it, but its size says that something else is there."""
+    rng, t_s, runs = np.random.default_rng(6), np.arange(40 * 50) / 50, []
+    for k in range(10):
+        gyro = rng.normal(rng.normal(0, 0.005, 3), 0.01 if named else 0.001, (t_s.size, 3))
+        gyro[:, 2] += 78.0 * (1 + amplitude * np.cos(np.deg2rad(78.0 * t_s + rng.uniform(0, 360))))
+        runs.append(make_run(t_s, gyro, scenario=f"s{k}", rate_hz=50.0))
+    ripple = next(c for c in diagnose(make_session(*runs)).candidates if c.effect.id == "table_ripple" and c.axis == "z")
+    assert ripple.decision == ("add" if named else "suggest")
 
 
 @pytest.mark.parametrize("sizes_dps", [dict.fromkeys((1, 2, 3, 4), 0.02), {1: 0.03, 5: 0.03}])

@@ -48,3 +48,17 @@ def test_a_motion_that_is_large_is_not_taken_for_the_wave() -> None:
     found = diagnose(make_session(*runs)).best
     assert found is not None
     assert (found.effect.id, found.axis) == ("table_ripple", "z")
+
+
+def test_the_beat_of_an_encoder_is_found_beneath_a_motion_a_thousand_times_as_large() -> None:
+    """At 150 deg/s and 104 Hz, steps of 0.01 deg make a line of 0.2 deg/s at 24 Hz in the rate between two angles."""
+    rng, runs = np.random.default_rng(8), []
+    levels = np.repeat(np.tile([0.0, 150.0, 0.0, -150.0], 5), 10 * 104)
+    rate_dps = np.convolve(levels, np.ones(104) / 104, mode="same")
+    t_s = np.arange(rate_dps.size) / 104.0
+    for cycle in range(2):
+        angle_deg = np.round((np.cumsum(rate_dps) - rate_dps / 2) / 104.0, 2)
+        gyro = rng.normal(0, 0.08, (t_s.size, 3))
+        gyro[:, 2] += 1.002 * rate_dps + 0.3
+        runs.append(make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=104.0, ref_angle_deg=angle_deg))
+    assert [c.effect.id for c in diagnose(make_session(*runs)).candidates if c.decision == "add"] == []

@@ -33,7 +33,14 @@ def test_a_stated_probability_rises_with_the_evidence_up_to_what_was_proved() ->
 def test_a_failed_check_is_told_no_more_than_such_names_were_right() -> None:
     assert told.stated(30.0, FAILED) <= told.FAILED
     assert told.stated(30.0, Checks(0.9, 1e-6)) <= told.FAILED
-    assert Checks(0.9, None).passed
+    assert Checks(0.9, None).passed(0.0)
+
+
+def test_a_small_difference_between_parts_says_that_no_model_is_exact_only_with_enough_data() -> None:
+    nearly = Checks(0.9, 1e-6, 0.1)
+    assert not nearly.passed(10.0)
+    assert nearly.passed(30.0)
+    assert told.stated(10.0, nearly) <= told.FAILED < told.stated(30.0, nearly)
 
 
 def test_neighbours_are_pooled_until_the_shares_rise() -> None:

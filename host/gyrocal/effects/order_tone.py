@@ -35,6 +35,13 @@ HARMONIC = 0.3
 EXACT = 0.1
 """Distance of a fitted frequency from a whole number of periods per turn, as a part of the resolution of the turns, within
 which it is that number."""
+NOT_WHOLE = 0.25
+"""Distance of a fitted order from a whole number, as a part of that resolution, from which on it is none. The error of the
+weakest order that is named is an eighth of the resolution."""
+OF_A_PULSE = range(1, 7)
+"""Orders of which several stand out in a pulse once a turn."""
+SEVERAL, STANDS_OUT = 3, 0.05
+"""How many of them make a pulse, and the chance below which one of them stands out."""
 
 
 def turned_turn(run: Run) -> Array:
@@ -76,11 +83,12 @@ def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
     Where a line may as well be a frequency, these are whole numbers per turn. One run shows neither, so that each of its lines
-    fast enough for a vibration is a rival of one. There is none if the strongest has a strong harmonic: the wave then has
-    another shape, as a sawtooth has.
+    fast enough for a vibration is a rival of one. There is none if the strongest has a strong harmonic, or if it is one of
+    several at whole numbers per turn: the wave then has another shape, as a sawtooth or a pulse has.
     """
-    peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
-    if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
+    spectrum = spectrum_over_turns(runs, axis)
+    peaks = spectrum.peaks(4 * PEAKS)
+    if any(_harmonic(p, peaks[0]) for p in peaks[1:]) or (peaks and peaks[0].whole is not None and _is_pulse(spectrum)):
         return []
     told, turning = told_from_frequency(runs, FEW_TURNS), [r for r in runs if _turns(r)]
     slowest = LOWEST_HZ * 360 / float(np.abs(turning[0].rate_dps).max()) if len(turning) == 1 else np.inf
@@ -121,6 +129,13 @@ def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
     multiple = round(ratio) > 1 and abs(ratio - round(ratio)) * strongest.order < peak.resolution
     strong = peak.amplitude_dps > HARMONIC * strongest.amplitude_dps and peak.chance < POLICY.name_alarm
     return multiple and strong
+
+
+def _is_pulse(spectrum: OrderSpectrum) -> bool:
+    """True if several of the first orders stand out, as those of what passes the sensor once a turn."""
+    at = [int(np.argmin(np.abs(spectrum.order - k))) for k in OF_A_PULSE]
+    amplitude_dps, tail = np.sqrt(spectrum.power[at]), spectrum.tail[at]
+    return int(np.count_nonzero((amplitude_dps > HARMONIC * amplitude_dps.max()) & (tail < STANDS_OUT))) >= SEVERAL
 
 
 def strong_orders(runs: Sequence[Run], axis: int) -> dict[int, float]:
@@ -221,6 +236,14 @@ class OrderTone(Tone):
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         turned = max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=1.0)
         return 0.1 / (values["order"] * max(turned, 0.1))
+
+    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
+        """False for an order beside a whole number, at the only rate of the table: nothing fixes such a wave to its angle."""
+        turning = [r for r in runs if _turns(r)]
+        if not turning or len(turning) == 1 or told_from_frequency(runs, FEW_TURNS):
+            return True
+        turns = max(float(np.ptp(turned_turn(r))) for r in turning)
+        return abs(values["order"] - round(values["order"])) * turns < NOT_WHOLE
 
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
         turning = np.array([_turns(r) for r in runs])

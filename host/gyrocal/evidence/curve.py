@@ -31,12 +31,12 @@ those with less of either seven of twelve (the calibration and the work part, an
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:
     """True if the evidence is sure of a name of the other tests, or does not contradict a large gain on held-out data."""
     large = gain is not None and gain_se is not None and gain > SUPPORTED_GAIN_ERRORS * gain_se
-    return sure(log_odds, checks) or (large and log_odds >= SUPPORTING_LOG_ODDS and (checks is None or checks.passed))
+    return sure(log_odds, checks) or (large and log_odds >= SUPPORTING_LOG_ODDS and (checks is None or checks.passed(log_odds)))
 
 
 def sure(log_odds: float, checks: Checks | None) -> bool:
     """True if the evidence is sure of an effect, which passes its checks if it has any."""
-    return log_odds >= SURE_LOG_ODDS and (checks is None or checks.passed)
+    return log_odds >= SURE_LOG_ODDS and (checks is None or checks.passed(log_odds))
 
 
 def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:
@@ -46,6 +46,6 @@ def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -
     """
     known, shares = np.transpose(KNOTS)
     found = float(np.interp(log_odds, known, shares))
-    if checks is not None and not checks.passed:
+    if checks is not None and not checks.passed(log_odds):
         return min(found, FAILED)
     return max(found, NAMED) if named else found

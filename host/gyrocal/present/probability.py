@@ -45,7 +45,7 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
     if same_p >= LEAST_SAME:
         return [*rows, ("the same in parts", f"the same {parts}, as far as the recordings show (p = {same_p:.2g})")]
     by = made.get("difference")
-    if by is not None and by <= LARGEST_DIFFERENCE:
+    if by is not None and by <= LARGEST_DIFFERENCE and made.get("passed", True):
         return [*rows, ("the same in parts", f"the same {parts} within {100 * by:.0f} % (p = {same_p:.1g})")]
     told = f"not the same {parts} (p = {same_p:.1g}): another cause may look like it"
     return [*rows, ("not the same in parts", told)]

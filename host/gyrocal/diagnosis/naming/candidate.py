@@ -10,6 +10,7 @@ import numpy as np
 from gyrocal.effects.base import Effect, Values
 from gyrocal.evidence import curve
 from gyrocal.evidence.checked import Checks
+from gyrocal.evidence.hypotheses import SMALLEST
 from gyrocal.recording.session import AXES, Array
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
@@ -79,8 +80,16 @@ class Candidate:
 
     @property
     def supported(self) -> bool:
-        """True if the evidence of sets supports a name of the other tests, or cannot judge it."""
-        return self.log_odds is None or curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
+        """True if the evidence of sets supports a name of the other tests; where it cannot judge it, if its size is usual."""
+        if self.log_odds is None:
+            return not self.tiny
+        return curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
+
+    @property
+    def tiny(self) -> bool:
+        """True if the effect is smaller than any size that the evidence expects of its kind. Anything resembles that little."""
+        known = [p for p in self.effect.parameters if p.sized and p.name in self.values and p.name in self.effect.linear]
+        return bool(known) and all(abs(self.values[p.name]) < SMALLEST * p.typical[0] for p in known)
 
     @property
     def doubted(self) -> bool:
@@ -117,9 +126,9 @@ class Candidate:
             "decision": self.decision,
             "next_measurement": self.next_measurement,
             "probability": self.probability,
-            "checks": None if self.checks is None else {
+            "checks": None if self.checks is None or self.log_odds is None else {
                 "share": self.checks.share, "same_in_parts_p": self.checks.same_in_parts_p,
-                "difference": self.checks.difference,
+                "difference": self.checks.difference, "passed": self.checks.passed(self.log_odds),
             },
         }  # fmt: skip
 

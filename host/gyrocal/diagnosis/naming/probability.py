@@ -97,7 +97,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
         return all(told_apart(c, weighed.get((id_, c.axis))) for id_ in c.group)
 
     def unlike(c: Candidate) -> bool:
-        return c.doubted or (c.checks is not None and not c.checks.passed)
+        return c.doubted or (c.checks is not None and c.log_odds is not None and not c.checks.passed(c.log_odds))
 
     sure = {c.axis for c in candidates if c.named and not c.doubted}
 
