@@ -58,7 +58,7 @@ def graded(one: Recording, work: Path) -> Iterator[Fact]:
     """What `import` says of a recording without options, and with those that its documentation gives where it asks for them."""
     lab = work / "lab"
     done, spent_s = imported(one, lab, ())
-    error = done.stderr.strip()
+    error = _error(one, done)
     told = f"refused: {error[:SHOWN]}" if done.returncode else "read"
     single = "\n" not in error and "Traceback" not in error
     if one.refused is not None:
@@ -69,11 +69,16 @@ def graded(one: Recording, work: Path) -> Iterator[Fact]:
     for _ in range(ASKED):
         if done.returncode and (answer := _answer(one, error)):
             done, spent_s = imported(one, lab, answer)
-            error = done.stderr.strip()
+            error = _error(one, done)
     yield said(one.name, "imported", f"exit {done.returncode} {error[:SHOWN]}", "exit 0", "the command", not done.returncode)
     if not done.returncode:
         yield from _facts(one, truth_of(one), json.loads(done.stdout), lab)
         yield said(one.name, "processor time", f"{spent_s:.1f} s", f"at most {SECONDS:g} s", "measured", spent_s <= SECONDS)
+
+
+def _error(one: Recording, done: subprocess.CompletedProcess[str]) -> str:
+    """The error without the program's name and the file's."""
+    return done.stderr.strip().removeprefix("gyrocal: ").replace(f"{one.file}: ", "")
 
 
 def _answer(one: Recording, error: str) -> tuple[str, ...]:
