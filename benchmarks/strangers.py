@@ -66,9 +66,11 @@ def graded(one: Recording, work: Path) -> Iterator[Fact]:
         return
     yield said(one.name, "it is read, or one line says what to add", told, "read, or an option named", "the command",
                not done.returncode or (single and "--" in error))  # fmt: skip
+    answers: tuple[str, ...] = ()
     for _ in range(ASKED):
         if done.returncode and (answer := _answer(one, error)):
-            done, spent_s = imported(one, lab, answer)
+            answers = (*answers, *answer)
+            done, spent_s = imported(one, lab, answers)
             error = _error(one, done)
     yield said(one.name, "imported", f"exit {done.returncode} {error[:SHOWN]}", "exit 0", "the command", not done.returncode)
     if not done.returncode:

@@ -42,6 +42,12 @@ def test_a_walk_and_a_push_are_not_at_rest() -> None:
     assert not told(np.where(np.arange(T_S.size) % 50 == 0, 400.0, 0.0))
 
 
+def test_a_slow_spin_up_is_not_at_rest() -> None:
+    """No second steps, and no bias goes so far: a satellite on its stand was said to have a bias of 85 deg/s."""
+    assert told(-170.0 * (1 - np.exp(-T_S / 15.0))) == [("not_at_rest", "z")]
+    assert not told(45.0 * T_S / T_S[-1] - 20.0)
+
+
 def test_the_acceleration_of_a_flight_is_no_gravity() -> None:
     """A rocket that is said to be at rest moves; nothing is wrong with the unit of its accelerometer."""
     shaken = RNG.normal(0, 30, (T_S.size, 3)).cumsum(axis=0) / 10

@@ -312,3 +312,18 @@ def test_of_two_clocks_the_finer_is_taken() -> None:
     assert next(g.map for g in guess(Source("a.csv", both), Scaling())) == "t_s=sensor_timestamp:ns"
     even = both.with_columns(time=20.0 * pl.int_range(N))
     assert next(g.map for g in guess(Source("a.csv", even), Scaling())) == "t_s=time:ms"
+
+
+def test_a_stamp_that_goes_on_by_one_counts_the_samples_of_a_stated_rate() -> None:
+    """It was taken for milliseconds, and the recording for a quarter as long."""
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N) / 50) for axis in "xyz"}
+    table = pl.DataFrame({"timestamp": np.arange(N), **rates})
+    taken = [guess(Source("a.csv", table), Scaling(rate_hz=hz))[0].map for hz in (256.0, 1000.0, None)]
+    assert taken == ["t_s=timestamp*0.00390625", "t_s=timestamp:ms", "t_s=timestamp:ms"]
+
+
+def test_a_magnetic_field_is_no_temperature() -> None:
+    table = columns(["time", *xyz("gyro_")], 300, 1.0, 1).with_columns(pl.lit(31.3).alias("Magnetic Field/X uT"))
+    assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("temp_c")]
+    warm = table.with_columns(pl.lit(25.0).alias("Static/Temperature/Scalar deg C"))
+    assert guess(Source("a.csv", warm), Scaling())[-1].map == "temp_c=Static/Temperature/Scalar deg C:degC"

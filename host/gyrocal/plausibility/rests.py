@@ -36,6 +36,15 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
                 out.append(Warning("not_at_rest", axis, run.file, text, True))
                 seen.add(run.file)
                 continue
+            low_dps, high_dps = _range_dps(run, axis)
+            if high_dps - low_dps > POLICY.largest_bias_dps:
+                text = (
+                    f"the run is said to be at rest, but {axis} goes from {low_dps:.3g} to {high_dps:.3g} dps: the sensor "
+                    "turns. Give its true rate, cut the turn out (--run when importing), or record the rest again"
+                )
+                out.append(Warning("not_at_rest", axis, run.file, text, True))
+                seen.add(run.file)
+                continue
             step_dps = _moves_dps(run, axis)
             if step_dps > 0:
                 text = (
@@ -129,6 +138,17 @@ def _moves_dps(run: Run, axis: str) -> float:
     step_dps = float(np.median(np.abs(np.diff(y.mean(axis=1)))))
     noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 3 / size))
     return step_dps if step_dps > max(POLICY.rest_off_dps, POLICY.rest_spreads * noise_dps) else 0.0
+
+
+def _range_dps(run: Run, axis: str) -> tuple[float, float]:
+    """The lowest and the highest mean of a second, without a twentieth and one at least at either end, deg/s.
+
+    No bias wanders as far as the largest one, but a part does that speeds up slowly.
+    """
+    size = max(1, round(WINDOW_S * run.sample_rate_hz))
+    y = np.sort(run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size).mean(axis=1))
+    end = max(1, len(y) // 20)
+    return (float(y[end]), float(y[-1 - end])) if len(y) > 2 * end else (0.0, 0.0)
 
 
 def _steady_dps(run: Run, axis: str) -> tuple[float, float]:

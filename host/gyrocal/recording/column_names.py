@@ -80,7 +80,7 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     bare = {name: bare_name(name)[0] for name in source.frame.columns}
     number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)
     behind = rf"(?:.*[/._])?{axis}_?(?={SPELLED})(?:{words}){units}{kind}"
-    named = rf"{stem}(?:[_.]?{axis}|{number}){units}{kind}|{behind}"
+    named = rf"{stem}(?:[_./]?{axis}|{number}){units}{kind}|{behind}"
     found = [name for name, word in bare.items() if re.fullmatch(named, word) and not re.fullmatch(NO_READING, word)]
     found = [name for name in found if "rot" not in bare[name] or not _is_orientation(name, bare)]
     turn = rf"(?:.*[/._])?{TURNS[axis]}_?(?:rate|speed|velocity){units}"

@@ -154,7 +154,8 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
 
 def _perhaps_time(source: Source) -> str:
     """The column that is named as a time, as ``--map`` takes it, in words that go on with an error."""
-    name = next(iter(named_as_time(source.names or source.frame.columns)), None)
+    named = named_as_time(source.names or source.frame.columns)
+    name = next((n for n in named if n not in source.frame.columns or source.start_s(ColumnMap("t_s", n))), None)
     return f"; perhaps --map 't_s={name}:{stated_unit(name, 't_s') or 'UNIT'}'" if name is not None else ""
 
 
