@@ -79,7 +79,7 @@ class Truth:
 
     @property
     def step_s(self) -> float:
-        """The median of the means of ten successive steps, of fewer in a short file: bursts fill them, a loss leaves them be."""
+        """The median mean of ten successive steps, of fewer in a short file: bursts fill them, a loss leaves them alone."""
         count = max(1, min(TOGETHER, len(self.t_s) // 4))
         return float(np.median(self.t_s[count:] - self.t_s[:-count])) / count
 

@@ -249,7 +249,7 @@ def test_one_gap_in_a_short_log_is_no_interval(gap_s: float) -> None:
 
 
 def test_a_program_that_samples_when_it_comes_to_it_loses_nothing() -> None:
-    """Its steps scatter and none catches up: counted as losses, they made 83 samples a second of a log of 50."""
+    """Its steps scatter and none catches up: counted as losses, they made the rate too high by half and more."""
     rng = np.random.default_rng(6)
     steps_s = 0.02 * np.clip(rng.gamma(9.0, 1 / 9.0, 6000), 0.45, 4.0)
     slow = np.where(np.arange(6000) % 900 < 60, 2.0, 1.0)  # other work, now and then
