@@ -1,8 +1,8 @@
-"""Public recordings as a stranger has them: whether `import` reads each rightly, graded fact by fact.
+"""Public recordings as a stranger has them: whether `import` reads each rightly, or refuses it in one line, fact by fact.
 
-The truth of each fact is taken from the file by numpy (and by pyulog) alone, before gyrocal is asked. The recordings are not
-part of the repository: the reader clones the repositories, each into FOLDER/OWNER/NAME at the commit in `RECORDINGS`, and names
-FOLDER by GYROCAL_STRANGERS. What is absent is skipped, and said so.
+`strangers.toml` lists them. The truth of each fact is taken from the file in `strangers_truth.py`, without gyrocal. The
+recordings are not part of the repository: the reader clones the repositories, each into FOLDER/OWNER/NAME at the commit in the
+list, and names FOLDER by GYROCAL_STRANGERS. What is absent is skipped, and said so.
 
     GYROCAL_STRANGERS=FOLDER gyrocal benchmark strangers      # on the screen
     GYROCAL_STRANGERS=FOLDER python benchmarks/strangers.py   # the table of docs/real.md
@@ -10,157 +10,143 @@ FOLDER by GYROCAL_STRANGERS. What is absent is skipped, and said so.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.real import markdown
 from benchmarks.real_facts import Fact, close, said
+from benchmarks.strangers_truth import Recording, Truth, recordings, reference_of, truth_of
 
+from gyrocal.calibration.calibrate import calibrate
 from gyrocal.present.output import stdout, table
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Session
 
-STRANGERS = Path(os.environ.get("GYROCAL_STRANGERS") or Path(__file__).parents[2] / "shared" / "strangers")
-MOVES_DPS = 10.0
-"""Means of seconds that differ by more are of a movement."""
 SECONDS = 20.0
 """Processor time that one import may take, s."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A file of a repository. ``columns`` are its time and its three rates, ``units`` their sizes in s and deg/s, by its own
-    documentation; ``topic`` is that of a ULog, and ``corrected`` what gyrocal must say of rates that an autopilot corrected.
-    """
-
-    kind: str
-    repository: str
-    commit: str
-    licence: str
-    path: str
-    columns: tuple[str, str, str, str]
-    units: tuple[float, float]
-    topic: str | None = None
-    corrected: bool = False
-
-    @property
-    def name(self) -> str:
-        """Repository and file, short."""
-        return f"{self.repository.split('/')[1]}: {Path(self.path).stem}"
-
-    @property
-    def file(self) -> Path:
-        """Where the reader's clone has it."""
-        return STRANGERS / self.repository / self.path
-
-
-FUSION = ("xioTechnologies/Fusion", "d69784c8f7058a6545802b8852d26d6fcfd5e119", "MIT")
-ROCKET = ("NCSU-High-Powered-Rocketry-Club/AirbrakesV2", "73fa7963a095b13be4f61965446dd36eb2a1655f", "MIT")
-PYULOG = ("PX4/pyulog", "3cf17793f14709713ab297d3743314c658874068", "BSD-3-Clause")
-OF_ROCKET = ("timestamp_seconds", *(f"raw_angular_rate_{a}_deg_per_s" for a in "xyz"))
-DEG = 180 / np.pi
-RECORDINGS = (
-    Recording("hands", *FUSION, "Examples/Python/sensor_data.csv",
-              ("Time (s)", *(f"Gyroscope {a} (deg/s)" for a in "XYZ")), (1.0, 1.0)),  # type: ignore[arg-type]
-    *(
-        Recording("vehicles", *ROCKET, f"launch_data/{path}.csv", OF_ROCKET, (1.0, 1.0))  # type: ignore[arg-type]
-        for path in (
-            "real_firm_launches/jackpot_launch_1", "real_firm_launches/jackpot_launch_3",
-            "pretended_firm_launches/government_work_1_airbrakes", "pretended_firm_launches/jackpot_1_nosecone",
-        )
-    ),
-    Recording("drones", *PYULOG, "test/sample.ulg", ("timestamp", "gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"), (1e-6, DEG),
-              "sensor_combined", corrected=True),
-    *(
-        Recording("drones", *PYULOG, f"test/{path}.ulg", ("timestamp", "x", "y", "z"), (1e-6, DEG), "sensor_gyro")
-        for path in ("sample_log_small", "sample_px4_events", "sample_logging_tagged_and_default_params")
-    ),
-)  # fmt: skip
-KINDS_WITHOUT = ("rate tables", "encoders", "motion capture", "thermal logs", "hours at rest", "phones")
+ASKED = 2
+"""Answers that a reader gives before he gives up."""
+SHOWN = 100
+"""Characters of an error that the table shows."""
+KINDS_WITHOUT = ("rate tables", "encoders", "thermal logs", "hours at rest")
 """Kinds of which no recording with a licence was found that is not in ``benchmark real`` already."""
 
 
-def columns_of(one: Recording) -> tuple[Array, Array]:
-    """Times [n], s, from the first, and rates [n, 3], deg/s, read by numpy alone. Rows without a number are left out."""
-    if one.topic is not None:
-        from pyulog import ULog
-
-        data = next(d for d in ULog(str(one.file)).data_list if d.name == one.topic).data
-        cells = np.column_stack([np.asarray(data[name], dtype=float) for name in one.columns])
-    else:
-        with one.file.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        cells = np.array([[float(row[name] or "nan") for name in one.columns] for row in rows])
-    cells = cells[np.isfinite(cells).all(axis=1)]
-    return (cells[:, 0] - cells[0, 0]) * one.units[0], cells[:, 1:] * one.units[1]
-
-
-def moves(t_s: Array, rates_dps: Array) -> bool:
-    """True if the means over single seconds differ as no bias does."""
-    second = np.floor(t_s).astype(int)
-    counts = np.bincount(second)
-    means = np.column_stack([np.bincount(second, r)[counts > 0] / counts[counts > 0] for r in rates_dps.T])
-    return bool(np.ptp(means, axis=0).max() > MOVES_DPS)
+def imported(one: Recording, lab: Path, options: tuple[str, ...]) -> tuple[subprocess.CompletedProcess[str], float]:
+    """What `import` answers, and its processor time, s. Without a reference the part is said to be at rest."""
+    facts = ("--reference", str(one.folder / one.reference), "--ref-clock", "own") if one.reference else ("--rate", "0")
+    command = [sys.executable, "-m", "gyrocal", "import", str(one.file), str(lab), *one.always, *options, *facts, "--json"]
+    before = os.times()
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done, os.times().children_user - before.children_user
 
 
 def graded(one: Recording, work: Path) -> Iterator[Fact]:
-    """What `import --yes` says of a recording that is said to be at rest, and what the session then holds."""
-    import polars as pl
-
-    t_s, rates_dps = columns_of(one)
-    steps_s = np.diff(t_s)
-    usual_s = float(np.mean(steps_s[steps_s < 5 * np.median(steps_s)]))
-    command = [sys.executable, "-m", "gyrocal", "import", str(one.file), str(work / "lab"), "--rate", "0", "--json"]
-    before = os.times()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    spent_s = os.times().children_user - before.children_user
-    yield said(one.name, "imported", f"exit {done.returncode} {done.stderr.strip()[:80]}", "exit 0", "a table with a header",
-               done.returncode == 0)  # fmt: skip
-    if done.returncode:
+    """What `import` says of a recording without options, and with those that its documentation gives where it asks for them."""
+    lab = work / "lab"
+    done, spent_s = imported(one, lab, ())
+    error = _error(one, done)
+    told = f"refused: {error[:SHOWN]}" if done.returncode else "read"
+    single = "\n" not in error and "Traceback" not in error
+    if one.refused is not None:
+        yield said(one.name, "it is refused in one line", told, one.refused, "the repository", bool(done.returncode) and single)
         return
-    told = json.loads(done.stdout)
+    yield said(one.name, "it is read, or one line says what to add", told, "read, or an option named", "the command",
+               not done.returncode or (single and "--" in error))  # fmt: skip
+    answers: tuple[str, ...] = ()
+    for _ in range(ASKED):
+        if done.returncode and (answer := _answer(one, error)):
+            answers = (*answers, *answer)
+            done, spent_s = imported(one, lab, answers)
+            error = _error(one, done)
+    yield said(one.name, "imported", f"exit {done.returncode} {error[:SHOWN]}", "exit 0", "the command", not done.returncode)
+    if not done.returncode:
+        yield from _facts(one, truth_of(one), json.loads(done.stdout), lab)
+        yield said(one.name, "processor time", f"{spent_s:.1f} s", f"at most {SECONDS:g} s", "measured", spent_s <= SECONDS)
+
+
+def _error(one: Recording, done: subprocess.CompletedProcess[str]) -> str:
+    """The error without the program's name and the file's."""
+    return done.stderr.strip().removeprefix("gyrocal: ").replace(f"{one.file}: ", "")
+
+
+def _answer(one: Recording, error: str) -> tuple[str, ...]:
+    """The options that a reader of the documentation adds: the unit by the lines that the error proposes, or the list's."""
+    if "Say which it is" not in error:
+        return one.options
+    lines = shlex.split(error[error.index("--map") : error.rindex(", or :")])
+    unit = "dps" if one.units[1] == 1 else "rad/s"
+    return tuple(re.sub("(g[xyz]_dps=.*):(?:dps|rad/s)", rf"\1:{unit}", line) for line in lines)
+
+
+def _facts(one: Recording, truth: Truth, told: dict[str, Any], lab: Path) -> Iterator[Fact]:
     mapped = [g.partition("=")[2] for g in told["guessed"]]
-    wanted = [f"{one.topic}.{name}" if one.topic else name for name in one.columns]
-    right = all(any(m.rpartition(":")[0] == name or m == name for m in mapped) for name in wanted)
-    yield said(one.name, "time and rates are of their columns", "yes" if right else ", ".join(mapped), ", ".join(wanted),
-               "the repository", right)  # fmt: skip
-    yield close(one.name, "samples", told["rows"], len(t_s), 0, "rows with numbers")
-    yield close(one.name, "samples a second", told["sample_rate_hz"], 1 / usual_s, 0.005 / usual_s, "mean step without gaps")
-    run = pl.read_csv(next((work / "lab").glob("*.csv")))
-    yield close(one.name, "duration, s", float(run["t_s"][-1]), float(t_s[-1]), 2 * usual_s + 0.001 * t_s[-1], "numpy")
-    largest = float(np.abs(rates_dps).max())
-    ours = max(float(run[f"g{a}_dps"].abs().max()) for a in "xyz")  # type: ignore[arg-type]
-    yield close(one.name, "largest rate, dps", ours, largest, 1e-3 * largest, "numpy, with the repository's unit")
+    if mapped and truth.names and "--columns" not in one.options:
+        right = all(any(m == name or m.startswith((f"{name}:", f"{name} (")) for m in mapped) for name in truth.names)
+        yield said(one.name, "rates are of their columns", "yes" if right else ", ".join(mapped), ", ".join(truth.names),
+                   "the repository", right)  # fmt: skip
+    duration_s, rates = float(truth.t_s.max()), np.abs(truth.rates_dps)
+    largest = float(rates.max())
+    run = pl.concat([pl.read_csv(file) for file in sorted(lab.glob("*.csv"))], how="diagonal_relaxed")
+    read = run.select(f"g{a}_dps" for a in AXES).to_numpy().astype(float)
+    yield close(one.name, "samples", told["rows"], len(truth.t_s), 0, "rows with numbers")
+    rate_hz = 1 / truth.step_s
+    yield close(one.name, "samples a second", told["sample_rate_hz"], rate_hz, one.rate_within * rate_hz,
+                "median of ten steps together")  # fmt: skip
+    yield close(one.name, "duration, s", float(run["t_s"].max()), duration_s, 2 * truth.step_s + 0.001 * duration_s,  # type: ignore[arg-type]
+                "numpy")  # fmt: skip
+    yield close(one.name, "largest rate, dps", float(np.nanmax(np.abs(read))), largest, 1e-3 * largest,
+                "numpy, with the repository's unit")  # fmt: skip
+    for i, a in enumerate(AXES):
+        mean = float(truth.rates_dps[:, i].mean())
+        yield close(one.name, f"mean rate of {a}, dps", float(np.nanmean(read[:, i])), mean, 0.002 + 0.005 * abs(mean),
+                    "numpy, with the repository's unit")  # fmt: skip
+    if truth.acc_g is not None and "ax_g" in run.columns:
+        sizes = np.linalg.norm(run.select(f"a{a}_g" for a in AXES).to_numpy().astype(float), axis=1)
+        size = float(np.median(np.linalg.norm(truth.acc_g, axis=1)))
+        yield close(one.name, "median acceleration, g", float(np.nanmedian(sizes)), size, 0.005 * size,
+                    "numpy, with the repository's unit")  # fmt: skip
     codes = {w["code"] for w in told["warnings"]}
-    yield said(one.name, "it is not at rest", "told" if "not_at_rest" in codes else "not told",
-               "told" if moves(t_s, rates_dps) else "not told", "means of seconds in numpy",
-               ("not_at_rest" in codes) == moves(t_s, rates_dps))  # fmt: skip
-    yield said(one.name, "an autopilot corrected the rates", "told" if "corrected_already" in codes else "not told",
-               "told" if one.corrected else "not told", "its topic",
-               ("corrected_already" in codes) == one.corrected)  # fmt: skip
-    yield said(one.name, "processor time", f"{spent_s:.1f} s", f"at most {SECONDS:g} s", "measured", spent_s <= SECONDS)
+    expected = [("an autopilot corrected the rates", "corrected_already", one.corrected, "its topic")]
+    if one.reference is None:
+        expected.insert(0, ("it is not at rest", "not_at_rest", one.moves or truth.moves, "means and scatter in numpy"))
+    for what, code, is_so, source in expected:
+        yield said(one.name, what, "told" if code in codes else "not told", "told" if is_so else "not told", source,
+                   (code in codes) == is_so)  # fmt: skip
+    if one.reference is not None:
+        yield from _referred(one, truth, lab)
 
 
-def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Grade every recording that is present; ``sample`` grades the first two."""
+def _referred(one: Recording, truth: Truth, lab: Path) -> Iterator[Fact]:
+    scale, bias_dps = reference_of(one, truth)
+    answers = {e.axis: e for e in calibrate(Session.open(lab), methods=["model"])}
+    for i, a in enumerate(AXES):
+        yield close(one.name, f"scale of {a}", answers[a].scale, float(scale[i]), 0.01, "least squares in numpy")
+        yield close(one.name, f"bias of {a}, dps", answers[a].bias_dps, float(bias_dps[i]), 0.1, "least squares in numpy")
+
+
+def run(sample: bool, progress: Callable[[int, int], None], half: str | None = None) -> dict[str, Any]:
+    """Grade every recording that is present; ``sample`` grades the first two, ``half`` those of a half."""
     facts: list[Fact] = []
     absent = []
-    chosen = RECORDINGS[: 2 if sample else None]
+    chosen = [one for one in recordings() if half is None or one.half == half][: 2 if sample else None]
     for number, one in enumerate(chosen):
         progress(number, len(chosen))
         if not one.file.is_file():
-            absent.append(f"{one.repository}/{one.path}")
+            absent.append(f"{one.repository['name']}/{one.path}")
             continue
         with tempfile.TemporaryDirectory() as work:
             facts += graded(one, Path(work))
@@ -179,4 +165,4 @@ def show(found: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    print(markdown(run(False, lambda done, total: None)))
+    print(markdown(run(False, lambda done, total: None, sys.argv[1] if len(sys.argv) > 1 else None)))

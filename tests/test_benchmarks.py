@@ -1,6 +1,8 @@
 """The benchmarks that run from a checkout: pinned keys, and figures that hold together. A few scenarios only."""
 
 import importlib
+import random
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -187,3 +189,36 @@ def test_references_count_errors_and_names_and_resume(tmp_path: Path) -> None:
     assert encoder["named"] == 1
     assert benchmark.benchmark("references", quiet=True, **part) == found
     assert len(results.read_text(encoding="utf-8").splitlines()) == 2
+
+
+def test_strangers_are_few_of_a_repository_and_half_of_them_sealed_by_the_lot() -> None:
+    listed = the_truth().recordings()
+    assert max(Counter(one.repository["name"] for one in listed).values()) <= 4
+    drawn = [one for one in listed if one.half]
+    lot = random.Random(20261126).sample(range(len(drawn)), len(drawn) // 2)
+    assert {k for k, one in enumerate(drawn) if one.half == "sealed"} == set(lot)
+
+
+def test_the_truth_of_a_strangers_file_needs_no_gyrocal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "gyrocal" not in {line.split()[1].split(".")[0] for line in imports_of("strangers_truth")}
+    module = the_truth()
+    monkeypatch.setattr(module, "STRANGERS", tmp_path)
+    rows = [f"{10 * k},{k % 7 - 3},0,0,0,0,1000" for k in range(100)]
+    rows[50:50] = [rows[49], "a word,,,,,,"]
+    (tmp_path / "log.csv").write_text("\n".join(["t,gx,gy,gz,ax,ay,az", *rows]))
+    one = module.Recording("rest", {"name": "."}, "log.csv", (1e-3, 2.0), at=(0, 1, 2, 3), skip=1, acc=(4, 5, 6), g=1e-3)
+    truth = module.truth_of(one)
+    assert truth.t_s == pytest.approx(0.01 * np.arange(100))
+    assert (truth.names, truth.moves, truth.step_s) == (("gx", "gy", "gz"), False, pytest.approx(0.01))
+    assert np.abs(truth.rates_dps).max() == 6.0
+    assert np.all(truth.acc_g[:, 2] == 1.0)
+
+
+def the_truth() -> Any:
+    benchmark._module("strangers")  # which makes the folder a package that is found
+    return importlib.import_module("benchmarks.strangers_truth")
+
+
+def imports_of(name: str) -> list[str]:
+    text = (benchmark.ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")
+    return [line for line in text.splitlines() if line.startswith(("import ", "from "))]

@@ -62,6 +62,8 @@ HINTS = {
     "import raw.csv new --rate 78": "say what one count is, for example --lsb-dps 0.00763359",
     "import enc.csv new --yes": "--rate 0 is a sensor that lay still; columns not taken: encoder",
     "import enc.csv new --rate 78 --map gz_dps=gz": "no time: map t_s, or give --rate-hz where samples are evenly spaced",
+    "import enc.csv new --rate 0 --map gz_dps=gz": "perhaps --map 't_s=time:UNIT'",
+    "calibrate rest": "The bias alone is in the model that `gyrocal explain SESSION --model FILE` fits",
     "import log.csv new --rate 78 --map t_s=time --map gz=z": "did you mean gz_dps?",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=w": "row 1 is 'time,x,y,z'",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, counts",
@@ -111,6 +113,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = np.column_stack([np.arange(400) / 100, np.random.default_rng(0).normal([0, 0, 78], 0.1, (400, 3))])
     for name, header in {"log": "time,x,y,z", "good": "t_s,gx_dps,gy_dps,gz_dps"}.items():
         np.savetxt(folder / f"{name}.csv", rows, "%.6f", ",", header=header, comments="")
+    np.savetxt(folder / "still.csv", rows - [0, 0, 0, 78], "%.6f", ",", header="t_s,gx_dps,gy_dps,gz_dps", comments="")
+    assert main(["import", str(folder / "still.csv"), str(folder / "rest"), "--rate", "0"]) == 0
     counts = np.column_stack([rows[:, 0], np.rint(131 * rows[:, 1:])])
     np.savetxt(folder / "raw.csv", counts, "%.6g", ",", header="time,gx,gy,gz", comments="")
     np.savetxt(folder / "enc.csv", rows[:, [0, 1, 2, 3, 0]], "%.6f", ",", header="time,gx,gy,gz,encoder", comments="")

@@ -120,3 +120,11 @@ def test_times_in_another_unit_are_told_by_that_unit(factor: float, unit: str, s
     assert f"Is t_s in {unit}?" in told.text
     assert f"--map t_s=COLUMN:{unit}" in told.text
     assert ("session.toml says" in told.text) == (stated == "true")
+
+
+def test_a_log_of_once_a_second_by_a_slow_clock_is_in_seconds() -> None:
+    """PX4 logs its gyroscope so by default; it was asked for as milliseconds where its clock was 0.015 % slow."""
+    t_s = np.arange(60) * 1.00015
+    assert not [w for w in check(pair(t_s, rate_hz=1 / 1.00015, across=False)) if w.code == "sample_rate"]
+    slow_s = np.arange(60) * 2.0
+    assert [w for w in check(pair(slow_s, rate_hz=0.5, across=False)) if w.code == "sample_rate"]

@@ -34,6 +34,20 @@ def test_a_biased_sensor_is_at_rest(bias_dps: float) -> None:
     assert not told(bias_dps + 8.0 * T_S / T_S[-1])
 
 
+def test_a_walk_and_a_push_are_not_at_rest() -> None:
+    """Both are over within a second, whose mean hides them. A knock of two samples and a fault that repeats are no movement."""
+    assert told(150.0 * np.sin(2 * np.pi * 1.0 * T_S)) == [("not_at_rest", "z")]
+    assert told(np.where(T_S % 12.0 < 1.0, 400.0 * np.sin(2 * np.pi * T_S), 0.0)) == [("not_at_rest", "z")]
+    assert not told(np.where(np.abs(T_S - 20.0) < 0.01, 400.0, 0.0))
+    assert not told(np.where(np.arange(T_S.size) % 50 == 0, 400.0, 0.0))
+
+
+def test_a_slow_spin_up_is_not_at_rest() -> None:
+    """No second steps, and no bias goes so far: a satellite on its stand was said to have a bias of 85 deg/s."""
+    assert told(-170.0 * (1 - np.exp(-T_S / 15.0))) == [("not_at_rest", "z")]
+    assert not told(45.0 * T_S / T_S[-1] - 20.0)
+
+
 def test_the_acceleration_of_a_flight_is_no_gravity() -> None:
     """A rocket that is said to be at rest moves; nothing is wrong with the unit of its accelerometer."""
     shaken = RNG.normal(0, 30, (T_S.size, 3)).cumsum(axis=0) / 10

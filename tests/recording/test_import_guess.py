@@ -2,6 +2,8 @@
 
 import json
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -148,7 +150,12 @@ def test_a_guess_needs_consent(log: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_a_guess_is_taken_by_yes_or_json_and_told(log: Path, consent: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = log.with_name("out")
     assert main(["import", str(log), str(out), "--rate", "170", consent]) == 2  # 3 may be deg/s or rad/s
-    assert "the unit of gyro_x is not known" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "the unit of gyro_x is not known" in error
+    advice = shlex.split(error[error.index("--map") : error.index(", or")].replace(":rad/s", ":dps"))
+    assert main(["import", str(log), str(out), "--rate", "170", consent, *advice]) == 0  # the advice alone is enough
+    shutil.rmtree(out)
+    capsys.readouterr()
     log.write_text(log.read_text().replace("gyro_x,gyro_y,gyro_z", "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s"))
     assert main(["import", str(log), str(out), "--rate", "170", consent]) == 0
     said = capsys.readouterr().out
@@ -308,3 +315,38 @@ def test_cells_that_are_missing_are_shown_empty() -> None:
     source = Source("a.csv", table)
     shown = {row.target: row.values for row in first_rows(source, [ColumnMap(name, name) for name in table.columns])}
     assert shown["az_g"] == ("", "1")
+
+
+def test_a_receivers_time_of_day_is_no_count_of_milliseconds() -> None:
+    """123859900 is followed by 123900000: as milliseconds the recording would be 40 s longer for each minute."""
+    tenths = 583_553 + np.arange(N * 5) // 5  # a clock of 0.1 s, five samples each
+    digits = tenths // 600 % 60 * 100_000 + tenths % 600 * 100 + 120_000_000
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N * 5) / 50) for axis in "xyz"}
+    of_day = pl.DataFrame({"time": digits, "millis": 1.4e12 + 20.0 * np.arange(N * 5), **rates})
+    found = next(g for g in guess(Source("a.csv", of_day), Scaling()) if g.map.startswith("t_s"))
+    assert found.map == "t_s=millis:ms"
+    assert not [g for g in guess(Source("a.csv", of_day.drop("millis")), Scaling()) if g.map.startswith("t_s")]
+
+
+def test_of_two_clocks_the_finer_is_taken() -> None:
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N) / 50) for axis in "xyz"}
+    coarse, fine = 100.0 * (np.arange(N) // 5), 7e9 + 2e7 * np.arange(N)
+    both = pl.DataFrame({"time": coarse, "sensor_timestamp": fine, **rates})
+    assert next(g.map for g in guess(Source("a.csv", both), Scaling())) == "t_s=sensor_timestamp:ns"
+    even = both.with_columns(time=20.0 * pl.int_range(N))
+    assert next(g.map for g in guess(Source("a.csv", even), Scaling())) == "t_s=time:ms"
+
+
+def test_a_stamp_that_goes_on_by_one_counts_the_samples_of_a_stated_rate() -> None:
+    """It was taken for milliseconds, and the recording for a quarter as long."""
+    rates = {f"gyro_{axis}": 90 * np.sin(np.arange(N) / 50) for axis in "xyz"}
+    table = pl.DataFrame({"timestamp": np.arange(N), **rates})
+    taken = [guess(Source("a.csv", table), Scaling(rate_hz=hz))[0].map for hz in (256.0, 1000.0, None)]
+    assert taken == ["t_s=timestamp*0.00390625", "t_s=timestamp:ms", "t_s=timestamp:ms"]
+
+
+def test_a_magnetic_field_is_no_temperature() -> None:
+    table = columns(["time", *xyz("gyro_")], 300, 1.0, 1).with_columns(pl.lit(31.3).alias("Magnetic Field/X uT"))
+    assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("temp_c")]
+    warm = table.with_columns(pl.lit(25.0).alias("Static/Temperature/Scalar deg C"))
+    assert guess(Source("a.csv", warm), Scaling())[-1].map == "temp_c=Static/Temperature/Scalar deg C:degC"

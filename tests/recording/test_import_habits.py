@@ -94,6 +94,9 @@ HABITS: dict[str, str | bytes] = {
         f"12:00:59.9{i % 10} -> {line}\n" if i < 2 else f"12:01:{T_S[i - 2]:06.3f} -> {line}\n"
         for i, line in enumerate(["Booting...", "gyro_x,gyro_y,gyro_z", *(",".join(row[1:]) for row in ROWS)])
     ),
+    "units behind blanks, above tabs": (
+        "time [s] gyro_x [dps] gyro_y [dps] gyro_z [dps] \n" + text(separator="\t").partition("\n")[2]
+    ),
     "nanoseconds since 1970": text([[str(1_770_000_000_123_456_789 + i * 10**7), *r[1:]] for i, r in enumerate(ROWS)]),
     "a counter that begins again": counted(2**32 - 1_000_000, 10_000),
     "a counter that nearly begins again": counted(2**32 - 4_000_000, 10_000),
@@ -117,6 +120,10 @@ REFUSED: dict[str, tuple[str, str]] = {
     "counts about a zero": (text([[r[0], *map(str, c + 32768)] for r, c in zip(ROWS, COUNTS, strict=True)]), "-32768)/131"),
     "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
     "a serial monitor's stamps without a header": (MONITORED, "name all columns, as by --columns time,gx,gy,gz"),
+    "a sentence above rows without a header": (
+        "# Created at Mon Aug 12 13:16:15 in Burnaby \n" + text(separator=" ").partition("\n")[2],
+        "no header: name all columns, as by --columns time,gx,gy,gz",
+    ),
     "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
     "a header alone": (text([]), "no rows below the header; a recording has two samples at least"),
     "one row": (text(ROWS[:1]), "1 row below the header"),

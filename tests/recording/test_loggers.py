@@ -68,6 +68,8 @@ LOGGERS = {
     "Inertial Sense": ("time=s pqr[{0}]*deg acc[{0}]*si", ",", "gx_dps=pqr[0]:dps ax_g=acc[0]:m/s2"),
     "VectorNav": ("TimeStartup=ns Gyro{}*deg Accel{}*si Temp=degC", ",",
                   "t_s=TimeStartup:ns gx_dps=GyroX:dps ax_g=AccelX:m/s2"),
+    "APDM": ("Time (s)=s Static/Acceleration/{} (m/s^2)*si Static/Angular Velocity/{} (rad/s)*rad", ",",
+             "t_s=Time (s):s gx_dps=Static/Angular Velocity/X (rad/s):rad/s ax_g=Static/Acceleration/X (m/s^2):m/s2"),
     "axes counted from 1": ("Sample_Time=s gyr{1}*deg acc{1}*si", ";", "t_s=Sample_Time:s gx_dps=gyr1:dps ax_g=acc1:m/s2"),
     "rates counted from 0": ("t=s w{0}*deg", ",", "t_s=t:s gx_dps=w0:dps"),
     "axis first": ("time=s {}_gyro*deg {}_acc*si", ",", "gx_dps=X_gyro:dps ax_g=X_acc:m/s2"),

@@ -55,6 +55,9 @@ def test_mat(tmp_path: Path, form: str) -> None:
 def test_mat_with_structures_and_as_text(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"imu": {"time": (T_NS - START_NS) / 1e9, "gyr": GYRO, "acc": ACC}})
     check(tmp_path / "a.mat")
+    parameters = {f"{kind}_{of}": np.arange(3.0) for kind in ("arw", "vrw", "bias", "sd") for of in ("gyro", "acc")}
+    savemat(tmp_path / "a.mat", {"imu": {**parameters, "t": (T_NS - START_NS) / 1e9, "wb": GYRO, "fb": ACC, "freq": 100.0}})
+    check(tmp_path / "a.mat")
     np.savetxt(tmp_path / "ascii.mat", np.column_stack([np.arange(N) / 100, GYRO]), fmt="%.16e")
     columns = ["t", "x", "y", "z"]
     maps = ["t_s=t", *(f"g{a}_dps={a}:rad/s" for a in "xyz")]

@@ -12,7 +12,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import import_recording, read_recording
-from gyrocal.recording.stamps import PART, goes_back, in_bursts, period_s, regression, step_range_s
+from gyrocal.recording.stamps import PART, goes_back, in_bursts, lost, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 from make_runs import make_run
 
@@ -246,3 +246,16 @@ def test_one_gap_in_a_short_log_is_no_interval(gap_s: float) -> None:
     stamps_s = np.floor(1e3 * true_s + rng.normal(0, 0.3, 2000)) / 1e3
     stamps_s = np.maximum.accumulate(stamps_s)
     assert period_s(stamps_s) == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_program_that_samples_when_it_comes_to_it_loses_nothing() -> None:
+    """Its steps scatter and none catches up: counted as losses, they made the rate too high by half and more."""
+    rng = np.random.default_rng(6)
+    steps_s = 0.02 * np.clip(rng.gamma(9.0, 1 / 9.0, 6000), 0.45, 4.0)
+    slow = np.where(np.arange(6000) % 900 < 60, 2.0, 1.0)  # other work, now and then
+    t_s = np.concatenate([[0.0], np.cumsum(steps_s * slow)])
+    assert lost(t_s, period_s(t_s)) == 0
+    assert period_s(t_s) == pytest.approx(float(np.mean(np.diff(t_s))), rel=0.03)
+    even_s = 0.02 * np.delete(np.arange(6001), [500, 2000, 2001]) + 0.006 * rng.random(5998)
+    assert lost(even_s, period_s(even_s)) == 3
+    assert period_s(even_s) == pytest.approx(0.02, rel=1e-4)

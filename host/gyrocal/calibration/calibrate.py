@@ -212,7 +212,7 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
-    if not any(np.any(run.rate_dps) for run in session.runs if not run.rate_is_mean):
+    if not any(run.rate_is_mean or np.any(run.rate_dps) for run in session.runs):
         return (
             "at rest the scale cannot be determined; record both faces, or a known turn too. The bias can: `gyrocal explain "
             "SESSION --model M.toml` writes it into a model"

@@ -241,9 +241,10 @@ def decided(found: "Imported") -> None:
     asked = [g for g in found.guessed if g.asks]
     if asked:
         other = "dps" if asked[0].map.endswith(":rad/s") else "rad/s"
-        lines = " ".join(f"--map '{g.map}'" for g in asked)
+        same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
         raise InputError(
-            f"{asked[0].question}: nothing in the recording decides between them. Say which it is: {lines}, or :{other} in each"
+            f"{asked[0].question}: neither gravity nor the noise at rest nor a known rate decides between them. Say which it is, "
+            f"with all columns: {same}, or :{other} in each rate"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gyrocal.plausibility.runs import Mean, Means, spread
 from gyrocal.plausibility.slopes import Lines
@@ -35,11 +36,29 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
                 out.append(Warning("not_at_rest", axis, run.file, text, True))
                 seen.add(run.file)
                 continue
+            low_dps, high_dps = _range_dps(run, axis)
+            if high_dps - low_dps > POLICY.largest_bias_dps:
+                text = (
+                    f"the run is said to be at rest, but {axis} goes from {low_dps:.3g} to {high_dps:.3g} dps: the sensor "
+                    "turns. Give its true rate, cut the turn out (--run when importing), or record the rest again"
+                )
+                out.append(Warning("not_at_rest", axis, run.file, text, True))
+                seen.add(run.file)
+                continue
             step_dps = _moves_dps(run, axis)
             if step_dps > 0:
                 text = (
                     f"the run is said to be at rest, but the means of {axis} over one second and the next differ by "
                     f"{step_dps:.3g} dps: the sensor moves. Give its true rate, cut the movement out, or record the rest again"
+                )
+                out.append(Warning("not_at_rest", axis, run.file, text, True))
+                seen.add(run.file)
+                continue
+            largest_dps, moved_s = _swings(run, axis)
+            if moved_s > 0:
+                text = (
+                    f"the run is said to be at rest, but {axis} goes {largest_dps:.3g} dps off and back, for {moved_s:.2g} s "
+                    "in all: the sensor was moved. Cut the movement out (--run when importing), or record the rest again"
                 )
                 out.append(Warning("not_at_rest", axis, run.file, text, True))
                 seen.add(run.file)
@@ -121,6 +140,17 @@ def _moves_dps(run: Run, axis: str) -> float:
     return step_dps if step_dps > max(POLICY.rest_off_dps, POLICY.rest_spreads * noise_dps) else 0.0
 
 
+def _range_dps(run: Run, axis: str) -> tuple[float, float]:
+    """The lowest and the highest mean of a second, without a twentieth and one at least at either end, deg/s.
+
+    No bias wanders as far as the largest one, but a part does that speeds up slowly.
+    """
+    size = max(1, round(WINDOW_S * run.sample_rate_hz))
+    y = np.sort(run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size).mean(axis=1))
+    end = max(1, len(y) // 20)
+    return (float(y[end]), float(y[-1 - end])) if len(y) > 2 * end else (0.0, 0.0)
+
+
 def _steady_dps(run: Run, axis: str) -> tuple[float, float]:
     """The two readings between which a run steps, deg/s: each is that of a tenth of its seconds at least. Equal ones: none.
 
@@ -134,6 +164,26 @@ def _steady_dps(run: Run, axis: str) -> tuple[float, float]:
     steps = np.abs(y[2:] - y[:-2])
     steady = np.median(steps) < POLICY.rest_off_dps
     return (low, high) if steady and high - low > POLICY.rest_part_dps and steps.max() > POLICY.rest_part_dps else (0.0, 0.0)
+
+
+def _swings(run: Run, axis: str) -> tuple[float, float]:
+    """How far the readings go off those around them as by a movement, deg/s, and for how long in all, s; 0 where they do not.
+
+    Steps of a walk and a push are over within seconds, whose means hide them. Medians over a tenth of a second let no single
+    fault of the reading pass for one, and a bias that wanders moves the readings around too.
+    """
+    size = max(5, round(POLICY.rest_block_s * run.sample_rate_hz))
+    y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size)
+    around = 2 * round(POLICY.rest_around_s * run.sample_rate_hz / size / 2) + 1
+    if len(y) < around:
+        return 0.0, 0.0
+    middle = np.median(y, axis=1)
+    off_dps = np.abs(middle - median_filter(middle, around, mode="nearest"))
+    noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 6 / size))
+    moved = off_dps > max(POLICY.rest_part_dps, POLICY.rest_spreads * noise_dps)
+    if np.mean(moved) < POLICY.rest_moved_part:
+        return 0.0, 0.0
+    return float(off_dps.max()), float(moved.sum()) * size / run.sample_rate_hz
 
 
 def _gravity_turns_deg(run: Run) -> float:

@@ -246,6 +246,16 @@ class Plausibility:
         larger="fast shaking is taken for rest", smaller="noise is taken for motion",
         chosen_by="pytest tests/calibration/test_at_rest.py",
     )  # fmt: skip
+    rest_around_s: float = threshold(
+        5.0, "time whose median is the reading around a tenth of a second of a rest, s",
+        larger="a bias that wanders is taken for motion", smaller="a movement that lasts is taken for the reading around it",
+        chosen_by="pytest tests/plausibility/test_steady_turns.py",
+    )  # fmt: skip
+    rest_moved_part: float = threshold(
+        0.05, "part of a rest in which the readings must be off by rest_part_dps to be a movement",
+        larger="a push in a short rest passes", smaller="a knock in a long one is called motion",
+        chosen_by="pytest tests/plausibility",
+    )  # fmt: skip
     rest_reference_dps: float = threshold(
         0.1, "mean of a measured true rate up to which those seconds are at rest, dps",
         larger="a slow turn goes into the bias", smaller="the offset of a reference is taken for motion",
@@ -379,7 +389,7 @@ class Plausibility:
         chosen_by=COLUMNS,
     )  # fmt: skip
     slowest_hz: float = threshold(
-        1.0, "slowest sample rate that a recording has, Hz",
+        0.9, "slowest sample rate that a recording has, Hz: that of a log of once a second, whose clock may be slow",
         larger="slow logs are called milliseconds", smaller="milliseconds are not recognised if the stated rate agrees",
         chosen_by=COLUMNS,
     )  # fmt: skip

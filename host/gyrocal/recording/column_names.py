@@ -11,7 +11,7 @@ from gyrocal.recording.source import Source
 GYRO = (
     r"gyro(?:scope)?s?|gyro_?adc|gyro_?(?:raw|unfilt|out|rotation|rate)|giro(?:scopio)?s?|gyrs?|gyr_rad_s|g|gy|w|omega|"
     r"ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?(?:rate|speed)|w_rs_s|imu\.gyro|(?:turn|body)_?rates?|pqr|"
-    r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz"
+    r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz|wb"
 )
 SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
 """Words that are clear also behind the axis, as in ``x_gyro``."""
@@ -80,7 +80,7 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     bare = {name: bare_name(name)[0] for name in source.frame.columns}
     number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)
     behind = rf"(?:.*[/._])?{axis}_?(?={SPELLED})(?:{words}){units}{kind}"
-    named = rf"{stem}(?:[_.]?{axis}|{number}){units}{kind}|{behind}"
+    named = rf"{stem}(?:[_./]?{axis}|{number}){units}{kind}|{behind}"
     found = [name for name, word in bare.items() if re.fullmatch(named, word) and not re.fullmatch(NO_READING, word)]
     found = [name for name in found if "rot" not in bare[name] or not _is_orientation(name, bare)]
     turn = rf"(?:.*[/._])?{TURNS[axis]}_?(?:rate|speed|velocity){units}"

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
+from gyrocal.recording.clock_digits import shows_clock
 from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling
 from gyrocal.recording.column_names import (
     GYRO,
@@ -33,9 +35,11 @@ TIME = (
 )
 ACCELERATION = (
     r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|gf|g_f|"
-    r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?"
+    r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?|fb"
 )
 TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
+MAGNETIC = r"mag|(?:^|[/._ ])[uµμn]_?t$"
+"""Words of a magnetic field, whose unit ends with a T as temperatures' names do."""
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
 TRACKER = r"ref|reference|truth|gt|ground_?truth|vicon|optitrack|mocap|qualisys|optical"
 """Words of an orientation that another instrument measured: a sensor's own estimate of it is no reference."""
@@ -63,6 +67,10 @@ OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
 WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
 """Words of a column that says which sensor a row is of."""
 MOST_SENSORS = 16
+REPEATED = 0.1
+"""Part of the stamps that repeat the one before, from which on a finer clock of the same table is looked for."""
+FINER = 0.5
+"""A finer clock repeats fewer of its stamps than this part of the other's."""
 ALTERNATE = 0.25
 """Part of the rows from which another sensor's follow each other in turn, and are no recordings one after the other."""
 
@@ -97,7 +105,7 @@ def guess(
     exact = [name for name in TARGETS if name in source.frame.columns]
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
-        _add(found, time_column(source))
+        _add(found, time_column(source, scaling.rate_hz))
     every = {axis: every_named(source, GYRO, axis) for axis in axes}
     named = {axis: next(iter(names), None) for axis, names in every.items()}
     if not any(named.values()):
@@ -211,30 +219,58 @@ def _check_one_sensor(source: Source) -> None:
             raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
 
 
-def time_column(source: Source) -> Guess | None:
-    """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate."""
+def named_as_time(names: Sequence[str]) -> list[str]:
+    """The columns that are named as a time, then those of one letter with a unit of time."""
     units = "|".join(UNIT_WORDS["t_s"].values())
     named = rf"(?:.*[/._])?(?:{TIME})(?:_?cal|_?since_(?:start|reboot|boot))?(?:_in)?(?:[_.]?(?:{units}))?"
-    names = [n for n in source.frame.columns if re.fullmatch(named, bare_name(n)[0])]
-    with_unit = [n for n in source.frame.columns if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
-    for name in (*names, *with_unit):
+    words = [n for n in names if re.fullmatch(named, bare_name(n)[0])]
+    letters = [n for n in names if re.fullmatch(units, bare_name(n)[1]) and len(bare_name(n)[0]) == 1]
+    return list(dict.fromkeys((*words, *letters)))
+
+
+def time_column(source: Source, rate_hz: float | None = None) -> Guess | None:
+    """The first column that is named as a time, or has a unit of time; its unit is stated or makes a usual sample rate.
+
+    Where its stamps repeat, as those of a coarse clock, a finer one of the table is taken. ``rate_hz`` is the stated rate.
+    """
+    taken, least = None, 1.0
+    for name in named_as_time(source.frame.columns):
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 2 or not _runs_forward(t_s):
             continue
-        stated = stated_unit(name, "t_s")
-        if moments_ns(source.frame[name]) is not None:
-            return Guess(f"t_s={name}", "dates or times of day")
-        if stated is not None:
-            return Guess(f"t_s={name}:{stated}", "the unit is in its name")
-        if source.si:
-            return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
-        step = period_s(np.maximum.accumulate(t_s[:2000]))
-        if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
-            return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
-        if step > 0 and (guessed := _unit_of_time(source, name, t_s, step)) is not None:
-            return guessed
-    return None
+        repeated = float(np.mean(np.diff(t_s) == 0))
+        if taken is not None and repeated > FINER * least:
+            continue
+        if (guessed := _as_time(source, name, t_s, rate_hz)) is not None:
+            taken, least = guessed, repeated
+        if least < REPEATED:
+            break
+    return taken
+
+
+def _as_time(source: Source, name: str, t_s: Array, rate_hz: float | None) -> Guess | None:
+    """What the unit of a column of time stamps [n] is taken for; None where they are no time."""
+    stated = stated_unit(name, "t_s")
+    if moments_ns(source.frame[name]) is not None:
+        return Guess(f"t_s={name}", "dates or times of day")
+    if stated is not None:
+        return Guess(f"t_s={name}:{stated}", "the unit is in its name")
+    if source.si:
+        return Guess(f"t_s={name}:us", "messages of this kind are stamped in us")
+    step = period_s(np.maximum.accumulate(t_s[:2000]))
+    if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
+        return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
+    if rate_hz is not None and np.all(t_s == np.rint(t_s)) and np.median(np.diff(t_s)) == 1 and not _of_a_unit(rate_hz):
+        return Guess(f"t_s={name}*{1 / rate_hz:.9g}", "it counts the samples")
+    if step <= 0 or any(shows_clock(t_s + source.start_s(ColumnMap("t_s", name)), size) for _, size in TIME_UNITS):
+        return None
+    return _unit_of_time(source, name, t_s, step)
+
+
+def _of_a_unit(rate_hz: float) -> bool:
+    """True if samples that come at this rate are a unit of time apart."""
+    return any(abs(rate_hz * size - 1) < POLICY.sample_rate_off for _, size in TIME_UNITS)
 
 
 def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess | None:
@@ -282,8 +318,8 @@ def _runs_forward(t_s: Array) -> bool:
 def _temperature(source: Source) -> Guess | None:
     for name in source.frame.columns:
         bare, _ = bare_name(name)
-        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?"
-        if bare in ("t", "time") or not re.fullmatch(named, bare):
+        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:/scalar)?(?:[ _.-]?(?:c|deg_?c|celsius|k|f))?"
+        if bare in ("t", "time") or re.search(MAGNETIC, bare) or not re.fullmatch(named, bare):
             continue
         values = values_of(source, name)
         if not values.size:

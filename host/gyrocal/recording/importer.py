@@ -13,12 +13,13 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.recording import plateaus
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
+from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.convert import Converted, convert, rate_of
 from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
-from gyrocal.recording.guess import Guess
+from gyrocal.recording.guess import Guess, named_as_time
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.hung import without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
@@ -159,6 +160,13 @@ def _stem(path: Path) -> str:
     return path.name.split(".")[0]
 
 
+def _perhaps_time(source: Source) -> str:
+    """The column that is named as a time, as ``--map`` takes it, in words that go on with an error."""
+    named = named_as_time(source.names or source.frame.columns)
+    name = next((n for n in named if n not in source.frame.columns or source.start_s(ColumnMap("t_s", n))), None)
+    return f"; perhaps --map 't_s={name}:{stated_unit(name, 't_s') or 'UNIT'}'" if name is not None else ""
+
+
 def _read_file(files: Files, options: Options, number: int, names: Sequence[str]) -> Imported:
     """The runs of one recording; ``number`` is the first run's, and ``names`` are those of all files where each is a run."""
     path, mapped = files.gyroscope, mapped_columns(files, options)
@@ -167,7 +175,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     rate_hz = options.scaling.rate_hz
     if "t_s" not in {m.target for m in mappings} and rate_hz is None:
         what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
-        raise InputError(f"{source.label}: {what}{source.not_taken(mappings)}")
+        raise InputError(f"{source.label}: {what}{_perhaps_time(source)}{source.not_taken(mappings)}")
     table = convert(source, mappings, rate_hz)
     timed = _rate_and_unit(source, mappings, table, rate_hz)
     table, rate_hz, warnings = timed.table, timed.rate_hz, list(timed.warnings)

@@ -16,6 +16,7 @@ from gyrocal.recording.joined import Files
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.session import AXES
 from gyrocal.recording.source import Source
+from gyrocal.recording.split_stamps import is_whole_stamp, with_whole_stamps
 from gyrocal.recording.table import REQUIRED
 
 TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
@@ -93,8 +94,8 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
 
 
 def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN) -> Source:
-    """The table of a recording, with the columns that are computed from others: those of other sensors, and quaternions."""
-    computed = bool(files.others) or any(map(is_of_matrix, names))
+    """The table of a recording, with columns that are computed: those of other sensors, quaternions, and stamps."""
+    computed = bool(files.others) or any(is_of_matrix(name) or is_whole_stamp(name) for name in names)
     asked = () if computed else names
 
     def one(path: Path) -> Source:
@@ -102,7 +103,7 @@ def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN)
             return readers.read(path)
         return readers.read(path, asked, options.columns, options.skip, options.topic)
 
-    return with_quaternion(joined.read(files, one, stated=bool(options.joined)))
+    return with_whole_stamps(with_quaternion(joined.read(files, one, stated=bool(options.joined))))
 
 
 def only_axis(mappings: Sequence[ColumnMap]) -> str:

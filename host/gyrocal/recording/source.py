@@ -137,7 +137,9 @@ def _unrolled(counter: Array, first: float = 0.0) -> Array:
 
 
 def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:
-    """A table of arrays by name: those of the length that most columns have; [n, k] becomes the columns ``name.0`` to k - 1.
+    """A table of arrays by name: those of the length that holds most numbers; [n, k] becomes the columns ``name.0`` to k - 1.
+
+    Parameters of three numbers may be more than the columns of the readings.
 
     InputError where no array of numbers has two entries.
     """
@@ -155,7 +157,7 @@ def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: 
     lengths = [array.size for array in columns.values()]
     if not lengths:
         raise InputError(f"{path}: no columns of numbers in it")
-    length = max(set(lengths), key=lambda n: (lengths.count(n), n))
+    length = max(set(lengths), key=lambda n: (n * lengths.count(n), n))
     frame = pl.DataFrame({name: np.ascontiguousarray(a) for name, a in columns.items() if a.size == length})
     return Source(label or str(path), frame, si=si)
 

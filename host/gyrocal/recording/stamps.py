@@ -47,6 +47,11 @@ FROZEN = 4
 """Fewest intervals in a row without progress that are a clock standing still, and no packet of a few samples."""
 LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
+SCATTERED, OFTEN = 0.1, 0.25
+"""A step off the median by more than this part of it is none of an even sampler; with more such steps than this part of
+all, the stamps scatter."""
+CATCHES_UP = -0.25
+"""Correlation of successive steps, below which a late stamp is followed by a short step: -0.5 on an even course."""
 PART = 2**15
 """Samples of a part that is computed at once."""
 
@@ -224,6 +229,8 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
         return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1)
     if _is_even(t_s):
         return np.arange(n), _even_interval_s(t_s)
+    if _is_on_demand(t_s):
+        return np.arange(n), _mean_step_s(np.diff(t_s))
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -251,6 +258,22 @@ def _is_even(t_s: Array) -> bool:
         return False
     (least_s, largest_s), mean_s = step_range_s(t_s), _mean_with_gaps_s(t_s)
     return _is_sampled(least_s, mean_s) and largest_s < LONG * mean_s
+
+
+def _is_on_demand(t_s: Array) -> bool:
+    """True if stamps [n], s, are of samples that a program took when it came to it: no course is even, and none is lost.
+
+    Their steps scatter, and a long one is followed by a short one no more often than by another long one.
+    """
+    steps = np.diff(t_s)
+    middle_s = float(np.median(steps))
+    if steps.size < WINDOW or middle_s <= 0 or float(np.mean(steps < BURST * middle_s)) > LEAST_BURSTS:
+        return False
+    off = np.clip(steps / middle_s - 1, -USUAL, USUAL)
+    if float(np.mean(np.abs(off) > SCATTERED)) < OFTEN:
+        return False
+    off = off - off.mean()
+    return float(off[1:] @ off[:-1]) > CATCHES_UP * float(off @ off)
 
 
 def _even_interval_s(t_s: Array) -> float:

@@ -28,6 +28,8 @@ MARK = re.compile(r"^(?:#+(?!(?:N/A|DIV/0!|NAME\?|NULL!|NUM!|REF!|VALUE!))|%+|//
 """A mark of a comment at the beginning of a line. What a spreadsheet writes for an error begins with such a character too."""
 UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
 """What a line of units below the columns' names is made of, in lower case."""
+BRACKETED = re.compile(r"\[\S*\]|\(\S*\)")
+"""A unit in brackets."""
 DECIMAL_COMMAS = "decimal commas and commas between the cells look alike; save it with semicolons or tabs between the cells"
 EMPTY_BY_TABS = re.compile(r"\t *\t|^ *\t")
 CLOCK = re.compile(r"\d:\d\d")
@@ -46,11 +48,15 @@ class Layout:
 
 @dataclass(frozen=True)
 class _Mismatch:
-    """A header whose cells are not those of the rows below it: ``row`` is the first of these, ``why`` says it in words."""
+    """A header whose cells are not those of the rows below it: ``row`` is the first of these, ``why`` says it in words.
+
+    A comment in words (``is_prose``) is no header.
+    """
 
     head: list[str]
     row: int
     why: str
+    is_prose: bool
 
     def error(self, path: Path, option: str) -> InputError:
         """The refusal, which names the option that states the columns."""
@@ -151,7 +157,8 @@ def _named(lines: Sequence[str], names: Sequence[str], skip: int | None) -> Iter
     """The lines that hold every wanted name, each as the header of what is below it."""
     for number, line in _window(lines, skip):
         for separator in SEPARATORS:
-            for head in (_names(line, separator), *_grouped(lines, number, separator)):
+            names_of_line = _names(line, separator)
+            for head in (names_of_line, *_with_units(names_of_line, separator), *_grouped(lines, number, separator)):
                 if set(names) <= set(head):
                     yield _below(lines, number, separator, [head])
 
@@ -168,7 +175,8 @@ def _unnamed(lines: Sequence[str], skip: int | None) -> Iterator[Layout | _Misma
             if fits is not None:
                 found.append(fits)
                 break
-            first = first or next((a for a in above if isinstance(a, _Mismatch) and len(a.head) > 1), None)
+            off = (a for a in above if isinstance(a, _Mismatch) and len(a.head) > 1 and not a.is_prose)
+            first = first or next(off, None)
         else:
             mismatched += [first] if first is not None else []
     yield from sorted(found, key=lambda f: len(f.names), reverse=True)
@@ -206,7 +214,8 @@ def _below(
     lines: Sequence[str], number: int, separator: str, heads: Sequence[list[str]] | None = None
 ) -> Layout | _Mismatch:
     """The table below a header, whose names are read in one of several ways."""
-    heads = heads or [*_grouped(lines, number, separator), _names(lines[number], separator)]
+    names = _names(lines[number], separator)
+    heads = heads or [*_grouped(lines, number, separator), *_with_units(names, separator), names]
     first = number + 1
     below = [n for n in range(first, len(lines)) if lines[n].strip(BLANKS)]
     if below and _is_of_units(_cells(lines[below[0]], separator)):
@@ -221,7 +230,8 @@ def _below(
             return Layout(_without_tail(head), width, first, separator)
     row, cells = usual[0]
     head = _without_tail(heads[-1])
-    return _Mismatch(head, row, _difference(head, _without_tail(cells), number + 1, separator))
+    is_prose = separator == " " and is_comment(lines[number], separator) and abs(len(head) - width) > 1
+    return _Mismatch(head, row, _difference(head, _without_tail(cells), number + 1, separator), is_prose)
 
 
 def _difference(head: Sequence[str], cells: Sequence[str], row: int, separator: str) -> str:
@@ -278,6 +288,17 @@ def _names(line: str, separator: str) -> list[str]:
         if not first and separator in " \t":
             return others
     return [first, *others]
+
+
+def _with_units(names: Sequence[str], separator: str) -> list[list[str]]:
+    """The names of a header whose units stand behind blanks, ``A_X [mg] G_X [dps]``, where blanks separate the cells too."""
+    joined: list[str] = []
+    for name in names if separator == " " else ():
+        if joined and BRACKETED.fullmatch(name):
+            joined[-1] += f" {name}"
+        else:
+            joined.append(name)
+    return [joined] if 0 < len(joined) < len(names) else []
 
 
 def _grouped(lines: Sequence[str], number: int, separator: str) -> list[list[str]]:
