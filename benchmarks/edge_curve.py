@@ -1,7 +1,7 @@
-"""The curve from evidence to stated probability, from results of the calibration part of ``gyrocal benchmark edge``.
+"""The curve from evidence to stated probability, from results of the frozen part of ``gyrocal benchmark edge``.
 
-    gyrocal benchmark edge --part calibration --workers 2 --out calibration.jsonl
-    python benchmarks/edge_curve.py calibration.jsonl
+    gyrocal benchmark edge --part frozen --stop 300 --workers 2 --out frozen.jsonl
+    python benchmarks/edge_curve.py frozen.jsonl
 
 It prints the constants of ``host/gyrocal/evidence/curve.py``. Log odds in each of :data:`EDGES` have a share of true names, and
 neighbours are pooled until the shares rise (isotonic regression). The last one is the lower 95 % bound of its share.

@@ -243,8 +243,8 @@ def decided(found: "Imported") -> None:
         other = "dps" if asked[0].map.endswith(":rad/s") else "rad/s"
         same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
         raise InputError(
-            f"{asked[0].question}: neither gravity nor the noise at rest nor a known rate decides between them. Say which it is, "
-            f"with all columns: {same}, or :{other} in each rate"
+            f"{asked[0].question}: neither gravity nor the noise at rest nor a known rate decides between them. Say which it "
+            f"is, with all columns: {same}, or :{other} in each rate"
         )
 
 
