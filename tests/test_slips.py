@@ -63,7 +63,7 @@ HINTS = {
     "import enc.csv new --yes": "--rate 0 is a sensor that lay still; columns not taken: encoder",
     "import enc.csv new --rate 78 --map gz_dps=gz": "no time: map t_s, or give --rate-hz where samples are evenly spaced",
     "import enc.csv new --rate 0 --map gz_dps=gz": "perhaps --map 't_s=time:UNIT'",
-    "calibrate rest": "The bias alone is in the model that `gyrocal explain SESSION --model FILE` fits",
+    "calibrate rest": "The bias can: `gyrocal explain SESSION --model M.toml` writes it into a model",
     "import log.csv new --rate 78 --map t_s=time --map gz=z": "did you mean gz_dps?",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=w": "row 1 is 'time,x,y,z'",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, counts",

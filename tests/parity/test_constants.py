@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.calibration import calibrate, estimator, header, network, trust, uncertainty
+from gyrocal.calibration import calibrate, estimator, header, network, pairs, trust, uncertainty
 from gyrocal.device import monitor, port, rows, wire
 from gyrocal.policy import POLICY
 from gyrocal.recording import session
@@ -58,7 +58,7 @@ CONSTANTS = {
     "columns of effects": (estimator.MAX_COLUMNS, ("GC_MAX_EFFECT_COLUMNS",)),
     "arguments of an effect": (header.ARGUMENTS, ("GC_EFFECT_ARGS",)),
     "a gap, in periods": (session.GAP_PERIODS, ("GC_GAP_PERIODS",)),
-    "a steady rate, of the rate": (calibrate.STEADY, ("STEADY_FRACTION", "STAY_FRACTION")),
+    "a steady rate, of the rate": (pairs.STEADY, ("STEADY_FRACTION", "STAY_FRACTION")),
     "rates that the network takes, of the table's": (POLICY.network_table_rate, ("RATE_TOLERANCE",)),
     "ripple, of the rate": (uncertainty.RIPPLE, ("RIPPLE",)),
     "warm-up, dps": (uncertainty.WARMUP_DPS, ("WARMUP_DPS",)),

@@ -325,8 +325,9 @@ def _by_model(
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
-        if axis in of_slopes:  # a fitted model knows the sensor's noise at low frequencies, which that of slopes exceeds
-            calibration = replace(calibration, noise=replace(calibration.noise, white_sd_dps=of_slopes[axis]))
+        if axis in of_slopes:  # that of samples may exceed the noise at low frequencies, which a fitted model knows
+            white_dps = max(of_slopes[axis], calibration.noise.white_sd_dps)
+            calibration = replace(calibration, noise=replace(calibration.noise, white_sd_dps=white_dps))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
             drift_dps = drift_sd_dps(max(run.duration_s for run in mine))

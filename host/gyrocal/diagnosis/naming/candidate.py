@@ -10,7 +10,6 @@ import numpy as np
 from gyrocal.effects.base import Effect, Values
 from gyrocal.evidence import curve
 from gyrocal.evidence.checked import Checks
-from gyrocal.evidence.hypotheses import SMALLEST
 from gyrocal.recording.session import AXES, Array
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
@@ -88,6 +87,8 @@ class Candidate:
     @property
     def tiny(self) -> bool:
         """True if the effect is smaller than any size that the evidence expects of its kind. Anything resembles that little."""
+        from gyrocal.evidence.hypotheses import SMALLEST
+
         known = [p for p in self.effect.parameters if p.sized and p.name in self.values and p.name in self.effect.linear]
         return bool(known) and all(abs(self.values[p.name]) < SMALLEST * p.typical[0] for p in known)
 
