@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from gyrocal.plausibility.runs import Mean, Means, spread
 from gyrocal.plausibility.slopes import Lines
@@ -172,6 +171,8 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
     Steps of a walk and a push are over within seconds, whose means hide them. Medians over a tenth of a second let no single
     fault of the reading pass for one, and a bias that wanders moves the readings around too.
     """
+    from scipy.ndimage import median_filter
+
     size = max(5, round(POLICY.rest_block_s * run.sample_rate_hz))
     y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size)
     around = 2 * round(POLICY.rest_around_s * run.sample_rate_hz / size / 2) + 1
