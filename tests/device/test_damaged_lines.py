@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -286,6 +287,15 @@ def state_instead_of(sample: bytes) -> bytes:
     return wire.encode("STA", int(seq), int(t_us), int(imu), fields)[:-1]
 
 
+def begun_and_ended(heard: list[bytes], sound: set[bytes]) -> int:
+    """How often a start of a run is followed by an end of its face.
+
+    An end that is repeated after the device was started anew says the same as that of the run which then goes on.
+    """
+    said = [line.split(b"state=")[1].split(b",axis")[0] for line in heard if line in sound]
+    return sum(a.startswith(b"start") and b == a.replace(b"start", b"end") for a, b in pairwise(said))
+
+
 HARMS = st.lists(
     st.tuples(
         st.sampled_from(["spoil", "drop", "repeat"]),
@@ -300,6 +310,7 @@ RUN_HARMS = st.lists(st.tuples(st.sampled_from(["spoil", "drop", "repeat"]), st.
 @settings(max_examples=150, deadline=None)
 @given(harms=HARMS, run_harms=RUN_HARMS)
 @example(harms=[("spoil", 0.0, 54), ("spoil", 0.125, 58)], run_harms=[("spoil", 0)])
+@example(harms=[("drop", 0.5, 92), ("repeat", 0.625, 29)], run_harms=[("spoil", 0)])
 def test_any_damage_keeps_faces_apart_and_counts(
     said: Said, harms: list[tuple[str, float, int]], run_harms: list[tuple[str, int]]
 ) -> None:
@@ -326,13 +337,12 @@ def test_any_damage_keeps_faces_apart_and_counts(
             assert [len(run) for run in session.runs] == [r.samples for r in report.runs]
         else:
             assert not report.runs
-        heard = set(harmed)
-        whole_runs = [i for i in range(0, 8, 2) if lines[boundaries[i]] in heard and lines[boundaries[i + 1]] in heard]
+        whole_runs = begun_and_ended(harmed, {lines[i] for i in boundaries})
         unannounced = {w.file for w in report.warnings if w.code == "run_unannounced"}
         known = [r for r in report.runs if r.file not in unannounced]
         for r in known:
             assert r.samples + r.lost == 102 - 4
-        assert len(known) <= len(whole_runs)
+        assert len(known) <= whole_runs
         json.dumps(report.to_json())
 
 
