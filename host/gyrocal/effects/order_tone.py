@@ -113,8 +113,7 @@ def _few_turns(runs: Sequence[Run], axis: int) -> bool:
     """True if the runs turn too little for a spectrum over the angle, and their angle is known all the same."""
     turning = [r for r in runs if _turns(r)]
     known = all(r.column("table_angle_deg") is not None for r in turning)
-    swept = max((float(np.ptp(turned_turn(r))) for r in turning), default=0.0)
-    return known and swept >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+    return known and _swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
 
 
 @once
@@ -154,11 +153,15 @@ def harmonic_of_turn(runs: Sequence[Run], axis: int, f_hz: float) -> bool:
         return False
     turns_hz = float(np.mean([np.sqrt(np.mean(r.rate_dps**2)) for r in turning])) / 360
     order = round(f_hz / turns_hz)
-    resolution = 1 / max(float(np.ptp(turned_turn(r))) for r in turning)
-    if abs(f_hz / turns_hz - order) > EXACT * resolution:
+    if abs(f_hz / turns_hz - order) * _swept_turns(runs) > EXACT:
         return False
     lines = strong_orders(runs, axis)
     return any(size > HARMONIC * lines.get(order, 0.0) for k, size in lines.items() if k != order)
+
+
+def _swept_turns(runs: Sequence[Run]) -> float:
+    """The largest angle that one of the runs sweeps, turns; lines over the angle are no finer than one over it."""
+    return max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=0.0)
 
 
 def _turns(run: Run) -> bool:
@@ -221,7 +224,7 @@ class OrderTone(Tone):
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         if _few_turns(runs, axis):
-            return len(WHOLE) + round(HIGHEST * max(float(np.ptp(turned_turn(r))) for r in runs if _turns(r)))
+            return len(WHOLE) + round(HIGHEST * _swept_turns(runs))
         return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
@@ -242,8 +245,7 @@ class OrderTone(Tone):
         turning = [r for r in runs if _turns(r)]
         if not turning or len(turning) == 1 or told_from_frequency(runs, FEW_TURNS):
             return True
-        turns = max(float(np.ptp(turned_turn(r))) for r in turning)
-        return abs(values["order"] - round(values["order"])) * turns < NOT_WHOLE
+        return abs(values["order"] - round(values["order"])) * _swept_turns(runs) < NOT_WHOLE
 
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
         turning = np.array([_turns(r) for r in runs])

@@ -23,7 +23,7 @@ from gyrocal.recording.guess import Guess, named_as_time
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.hung import without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
-from gyrocal.recording.joined import Files
+from gyrocal.recording.joined import Files, stem_of
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.run import points_up
@@ -125,7 +125,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     number = len(existing.runs) if existing else 0
     axis = options.axis or (existing.axis if existing else None)
     corrected = {existing.corrected} if existing else set[str | None]()
-    names = [_stem(file.gyroscope) for file in files] if len(files) > 1 else []
+    names = [stem_of(file.gyroscope) for file in files] if len(files) > 1 else []
     for file in files:
         read = _read_file(file, replace(options, axis=axis), number + len(runs), names)
         runs += read.session.runs
@@ -156,10 +156,6 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
         raise InputError(f"{file}: a session cannot hold {kinds}; import this recording into a session of its own")
 
 
-def _stem(path: Path) -> str:
-    return path.name.split(".")[0]
-
-
 def _perhaps_time(source: Source) -> str:
     """The column that is named as a time, as ``--map`` takes it, in words that go on with an error."""
     named = named_as_time(source.names or source.frame.columns)
@@ -185,7 +181,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
         start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
         more = options.second.columns(table.columns["t_s"], start_s, options.scaling)
         table = replace(table, columns={**table.columns, **more})
-    stem = _stem(path)
+    stem = stem_of(path)
     labels = check_meta(labels_of(stem), str(path))
     left = {"table_rate_dps"} if options.gravity else set[str]()
 

@@ -52,7 +52,7 @@ def recordings(files: Sequence[Path]) -> list[Files]:
 
 
 def _words(file: Path) -> str:
-    return re.sub(r"[ -]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", file.name.split(".")[0])).lower()
+    return re.sub(r"[ -]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", stem_of(file))).lower()
 
 
 def read(files: Files, read_one: Read, stated: bool = False) -> Source:
@@ -66,7 +66,7 @@ def read(files: Files, read_one: Read, stated: bool = False) -> Source:
         return source
     time = _time_of(source)
     t_s = source.numbers(time)
-    named = {name: f"{_stem(files.gyroscope)}.{name}" for name in source.frame.columns if name != time.column}
+    named = {name: f"{stem_of(files.gyroscope)}.{name}" for name in source.frame.columns if name != time.column}
     plain = all(len(name) == 1 for name in list(named)[-3:])
     frame = source.frame.rename(named) if plain else source.frame
     for other in files.others:
@@ -78,7 +78,8 @@ def read(files: Files, read_one: Read, stated: bool = False) -> Source:
     return replace(source, frame=frame, names=tuple(frame.columns))
 
 
-def _stem(file: Path) -> str:
+def stem_of(file: Path) -> str:
+    """The name of a file without its endings, such as ``.csv.gz``."""
     return file.name.split(".")[0]
 
 
@@ -104,5 +105,5 @@ def _at(t_s: Array, start_s: float, other: Source, file: Path) -> list[pl.Series
         values = other.numbers(ColumnMap("gz_dps", name))[once]
         good = np.isfinite(values)
         if name != time.column and good.sum() > 1:
-            columns.append(pl.Series(f"{_stem(file)}.{name}", between(known_s[once][good], values[good], inside, reach_s)))
+            columns.append(pl.Series(f"{stem_of(file)}.{name}", between(known_s[once][good], values[good], inside, reach_s)))
     return columns

@@ -104,12 +104,16 @@ def proven(c: Candidate, tested: int) -> bool:
 
 def sure_gain(c: Candidate) -> bool:
     """True if the held-out gain exceeds zero by ``Policy.gain_errors`` standard errors."""
-    return c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
+    return _gains_by(c, POLICY.gain_errors)
 
 
 def evident_gain(c: Candidate) -> bool:
     """True if the held-out gain exceeds zero by ``Policy.evident_gain_errors`` standard errors."""
-    return c.gain is not None and c.gain_se is not None and c.gain > POLICY.evident_gain_errors * c.gain_se
+    return _gains_by(c, POLICY.evident_gain_errors)
+
+
+def _gains_by(c: Candidate, errors: float) -> bool:
+    return c.gain is not None and c.gain_se is not None and c.gain > errors * c.gain_se
 
 
 def in_range(candidate: Candidate) -> bool:

@@ -28,11 +28,11 @@ def beyond_errors(
     out = []
     for axis in axes:
         if angles is None:
-            size, se, floor = levels[axis].excess_dps, levels[axis].excess_se_dps, 0.0
+            size, se, least = levels[axis].excess_dps, levels[axis].excess_se_dps, 0.0
         else:
             of_axis = angles.level(axis)
-            size, se, floor = of_axis.excess_deg, of_axis.excess_se_deg, of_axis.floor_deg or 0.0
-        least = POLICY.least_excess * floor if angles is not None and angles.of_samples else 0.0
+            size, se = of_axis.excess_deg, of_axis.excess_se_deg
+            least = POLICY.least_excess * (of_axis.floor_deg or 0.0) if angles.of_samples else 0.0
         if size is None or se is None or size <= max(POLICY.adequate_errors * se, least):
             continue
         what = f"{rate_text(size)} more" if angles is None else f"{size:.3g} deg of angle more"

@@ -285,10 +285,11 @@ def scatter_of(fitted: Fit, axis: str, cleaned: Cleaned, spectrum: Spectrum) -> 
         if b.run.index not in cleaned.by_run or b.within_n == 0:
             continue
         rows = b.start[:, None] + np.arange(int(b.n[0]))
-        noisy, clean = (residuals[b.run.index][rows] for residuals in (cleaned.noisy, cleaned.by_run))
-        runs.append(BlocksOfRun.of(noisy, clean, np.ones(b.n.size) if b.weight is None else b.weight))
+        noisy, clean = cleaned.noisy[b.run.index], cleaned.by_run[b.run.index]
+        without = None if clean is noisy else clean[rows]
+        runs.append(BlocksOfRun.of(noisy[rows], without, np.ones(b.n.size) if b.weight is None else b.weight))
         end = slice(int(rows[-1, -1]) + 1, None)
-        last = cleaned.noisy[b.run.index][end][b.run.reached[end]]  # too few for a block, but an outlier may be among them
+        last = noisy[end][b.run.reached[end]]  # too few for a block, but an outlier may be among them
         total += float(runs[-1].squares.sum()) + float(np.sum((last - last.mean()) ** 2) if last.size else 0.0)
         degrees += b.within_n + max(0, last.size - 1)
     if degrees < POLICY.least_scatter:  # each block is one sample: use the white level of the fit

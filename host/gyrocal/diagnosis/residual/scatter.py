@@ -62,10 +62,11 @@ class BlocksOfRun:
     weight: Array
 
     @staticmethod
-    def of(noisy: Array, clean: Array, weight: Array) -> BlocksOfRun:
-        """From residuals [m, n] with and without outliers."""
+    def of(noisy: Array, clean: Array | None, weight: Array) -> BlocksOfRun:
+        """From residuals [m, n] with and without outliers; ``clean`` is None if there are none."""
         means = noisy.mean(axis=1)
-        return BlocksOfRun(((noisy - means[:, None]) ** 2).sum(axis=1), means, clean.mean(axis=1), weight)
+        clean_means = means if clean is None else clean.mean(axis=1)
+        return BlocksOfRun(((noisy - means[:, None]) ** 2).sum(axis=1), means, clean_means, weight)
 
     @property
     def changes(self) -> bool:
@@ -88,12 +89,12 @@ def unevenness(runs: Sequence[BlocksOfRun], degrees: int) -> tuple[float, float]
         of_means += float(_second(run.means) ** 2 @ weight)
         of_squares += float((run.squares[2:] / 4 + run.squares[1:-1] + run.squares[:-2] / 4) / 1.5 @ weight)
         of_fit += float(_second(run.clean_means) ** 2 @ run.weight[1:-1])
-    squares, weight = (np.concatenate([getattr(run, name) for run in runs]) for name in ("squares", "weight"))
+    squares, weights = np.concatenate([run.squares for run in runs]), np.concatenate([run.weight for run in runs])
     count = sum(run.means.size - 2 for run in longer)
     if not of_squares > 0 or not of_fit > 0:
         return 1.0, 1.0
     mean = float(squares.mean())
-    uneven = mean * of_means / of_squares / (of_fit / count) / float(np.mean(1 / weight))
+    uneven = mean * of_means / of_squares / (of_fit / count) / float(np.mean(1 / weights))
     alike = 1 + 2 * squares.size / degrees
     return uneven, max(1.0, float(np.mean(squares**2)) / mean**2 / alike)
 
