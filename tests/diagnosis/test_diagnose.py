@@ -8,7 +8,6 @@ from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
-from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
@@ -51,7 +50,7 @@ def test_profile_likelihood_does_not_depend_on_the_columns_scale() -> None:
     residual = b - x @ np.linalg.lstsq(x, b, rcond=None)[0]
     variance = found.noise.white_sd_dps**2 / found.design.blocks[0].n[0]
     plain = -0.5 * (n * np.log(2 * np.pi * variance) + residual @ residual / variance)
-    assert profile_loglik(found) == pytest.approx(plain, abs=1e-6)
+    assert found.solution.profile_loglik == pytest.approx(plain, abs=1e-6)
 
 
 def test_json_has_the_contract_s_keys() -> None:

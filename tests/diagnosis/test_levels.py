@@ -162,3 +162,10 @@ def test_samples_without_a_reference_neither_lower_the_rms_nor_have_a_residual()
 def test_an_excess_is_beyond_three_of_its_errors_exactly_if_its_mean_square_is(errors: float) -> None:
     excess, se = excess_of(errors * 0.02, 0.02, 0.0)
     assert (excess > 3 * se) == (errors > 3)
+
+
+def test_rounding_moves_no_excess_beyond_three_of_its_errors() -> None:
+    """Of an excess between 1.5 and 3 errors of its mean square, three errors are the excess itself, or were an ulp less."""
+    drawn = np.random.default_rng(9).uniform([1.0, 1e-6], [3.0, 1.0], (2000, 2))
+    found = [excess_of(errors * size, size, 0.0) for errors, size in drawn]
+    assert all(excess <= 3 * se for excess, se in found)

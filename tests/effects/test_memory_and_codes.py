@@ -1,5 +1,7 @@
 """Laws of effects that no formula expresses: a dead band, a hysteresis, and codes that are put together wrongly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,8 @@ from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.single_bits import single_power
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.recording.session import Run, following
+from make_runs import make_run as make
+from make_runs import make_session
 
 from .conftest import Array, MakeRun
 
@@ -110,6 +114,20 @@ def test_a_lost_carry_is_found_at_its_bit(make_run: MakeRun, bit: int) -> None:
     assert (carry.bit, carry.below, carry.fraction) == (bit, 0.5, 1.0)
     term = effect("byte_fault").columns(run, 2, {"bit": float(bit), "below": 0.5, "fraction": 1.0})[:, 0] * -(2**bit) * LSB_DPS
     assert np.std(run.gyro_dps[:, 2] - term - w_dps) < 0.04
+
+
+def test_the_bias_of_a_power_cycle_is_no_lost_carry() -> None:
+    """Two power cycles whose biases differ by about 2^7 counts lacked a carry into bit 7."""
+    rng, t_s = np.random.default_rng(3), np.arange(1500) / 100
+    biases_dps, runs = (45 * LSB_DPS, (128 + 50.5) * LSB_DPS), []
+    for cycle, bias_dps in enumerate(biases_dps):
+        for _ in range(4):
+            gyro = bias_dps + rng.normal(0, 0.005, (t_s.size, 3))
+            codes_dps = np.round(gyro / LSB_DPS) * LSB_DPS
+            runs.append(make(t_s, codes_dps, table_rate_dps=0.0, scenario=f"s{cycle}", lsb_dps=LSB_DPS))
+    assert lost_carry(make_session(*runs, lsb_dps=LSB_DPS).runs, 2) is None
+    together = make_session(*(replace(run, scenario="s0") for run in runs), lsb_dps=LSB_DPS).runs
+    assert lost_carry(together, 2) is not None
 
 
 @pytest.mark.parametrize("bit", [7, 8])

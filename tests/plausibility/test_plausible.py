@@ -22,6 +22,7 @@ from gyrocal.plausibility.header import CODES
 from gyrocal.present.report import headline, level_rows, verdict_text
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, simulate
+from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("known_answers")
 SLOPES = {"unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible"}
@@ -175,6 +176,20 @@ def test_a_rest_that_is_none(axis: str) -> None:
     told = check(one(session, first_rest(session), lambda r: changed(r, **{column: r.table[column] + 5.0})))
     assert [(w.code, w.axis, w.blocking) for w in told] == [("not_at_rest", axis, True)]
     assert all(w.file == session.runs[first_rest(session)].file for w in told)
+
+
+@pytest.mark.parametrize(("apart_dps", "same_cycle", "told"), [(1.5, True, 1), (3.0, False, 0), (7.0, False, 1)])
+def test_rests_differ_by_one_dps_in_a_power_cycle_and_by_five_between(apart_dps: float, same_cycle: bool, told: int) -> None:
+    """Rests of a sensor whose bias was 1.3 dps off in one power cycle were said to move."""
+    rng, t_s = np.random.default_rng(4), np.arange(1000) / 50
+    cycles = ("s0", "s0", "s0", "s0") if same_cycle else ("s0", "s1", "s2", "s3")
+    offs_dps = (0.0, 0.1, -0.1, apart_dps)
+    runs = [
+        make_run(t_s, rng.normal(0, 0.05, (t_s.size, 3)) + off_dps, table_rate_dps=0.0, scenario=cycle)
+        for cycle, off_dps in zip(cycles, offs_dps, strict=True)
+    ]  # fmt: skip
+    warned = [w for w in check(make_session(*runs), Model.builtin("default")) if w.code == "not_at_rest" and w.axis == "z"]
+    assert [w.file for w in warned] == ["003_up.csv"] * told
 
 
 def test_gravity_turns_in_a_rest() -> None:

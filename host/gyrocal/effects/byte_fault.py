@@ -132,7 +132,10 @@ def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
 
 @once
 def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
-    """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none."""
+    """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none.
+
+    The bias of each power cycle is its own: where a cycle has one code, its bias is no carry.
+    """
     if not runs:
         return None
     count_dps, noise_dps = count_dps_of(runs, axis), noise_of(runs, axis)
@@ -142,14 +145,27 @@ def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
     thin = max(1, sum(map(len, steady)) // MOST_SAMPLES)
     y_dps = np.concatenate([r.gyro_dps[::thin, axis] for r in steady])
     rates = [np.concatenate([r.rate_dps[::thin] * (r.axis_index == other) for r in steady]) for other in range(3)]
-    known = np.column_stack([np.ones(y_dps.size), *(w for w in rates if np.any(w))])
-    basis = np.linalg.qr(known)[0]
-    rest_dps = y_dps - basis @ (basis.T @ y_dps)
+    of_runs = np.unique([r.scenario for r in steady], return_inverse=True)[1]
+    cycle = np.repeat(of_runs, [-(-len(r) // thin) for r in steady])
+    count = np.bincount(cycle)
+
+    def beside(column: Array) -> Array:
+        """A column [n] less its mean over each power cycle."""
+        return np.asarray(column - (np.bincount(cycle, column) / count)[cycle])
+
+    known = [beside(w) for w in rates if np.any(w)]
+    basis = np.linalg.qr(np.column_stack(known))[0] if known else np.zeros((y_dps.size, 0))
+
+    def left_of(column: Array) -> Array:
+        own = beside(column)
+        return np.asarray(own - basis @ (basis.T @ own))
+
+    rest_dps = left_of(y_dps)
     best: Carry | None = None
     for bit in (b for b in BITS if 2.0**b * count_dps > STANDS_OUT * noise_dps):
         for below in BELOW:
             on = carried(y_dps, count_dps, bit, below).astype(float)
-            column = on - basis @ (basis.T @ on)
+            column = left_of(on)
             norm = float(column @ column)
             if norm < 1e-3 * y_dps.size:
                 continue

@@ -16,7 +16,7 @@ means over some hundred cells of time for this; a standard error needs no more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,11 +25,15 @@ from gyrocal.inference.design import Mask
 from gyrocal.inference.expected import UNDETERMINED, of_cycle
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.heldout import EVERYTHING, SESSION, Fold, time_masks
+from gyrocal.inference.walk import Walk
 from gyrocal.recording.session import Array
 
 CELLS = 120
 """Number of cells of time of all runs together, or one for each run if there are more runs."""
 
+OF_ERRORS = 3.0
+"""Where a sum of squares is skew, its error is a third of the way to what a normal distribution exceeds as seldom as three of
+its standard deviations (Cornish and Fisher, Rev. Int. Stat. Inst. 5 (1938) 307)."""
 SETTLED = 0.02
 """Log-likelihood by which a search for the noise typically stops short of the maximum."""
 
@@ -55,18 +59,24 @@ class Errors:
     """Standard errors, dps^2, of a sum of squares (times samples) over its expectation.
 
     ``noise`` is that of noise alone, ``systematic`` that of the product of a systematic residual with the drift and with the
-    offsets of power cycles.
+    offsets of power cycles. ``walk`` is what a walk of the bias from run to run adds to the expectation, dps^2.
     """
 
     noise: float
     systematic: float
+    walk: float = 0.0
 
 
-def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[Errors, Errors]:
-    """The errors of all, and those within power cycles."""
+def difference_errors(axis: AxisFit, folds: Sequence[Fold], walk: Walk | None = None) -> tuple[Errors, Errors]:
+    """The errors of all, and those within power cycles; beside a ``walk`` of the bias, if the runs show one."""
     cells = _cells(axis)
     covariance, derivatives = _covariance(axis, cells)
     residual, held = _residual(axis, cells, covariance, folds)
+    without, slowly = covariance, slice(1, 1 + (axis.noise.ou_sd_dps > 0) + len(axis.spreads.scenario))
+    if walk is not None:
+        _, derivatives = _covariance(replace(axis, noise=walk.noise), cells)
+        derivatives.insert(slowly.stop, walk.covariance[np.ix_(cells.run, cells.run)])
+        covariance, slowly = np.asarray(np.sum(derivatives, axis=0)), slice(1, slowly.stop + 1)
     weight, cycle = cells.n[held], cells.cycle[held]
     all_power = residual.T @ (weight[:, None] * residual)
     taken = np.zeros_like(all_power)
@@ -83,7 +93,7 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[Errors, Err
     white = axis.noise.white_sd_dps**2
     information[0, 0] += rest / 2
     of_others = bool(folds) and folds[0].label == SESSION
-    slow = np.asarray(np.sum(derivatives[1 : 1 + (axis.noise.ou_sd_dps > 0) + len(axis.spreads.scenario)], axis=0))
+    slow = np.asarray(np.sum(derivatives[slowly], axis=0))
     out = []
     for form in (all_power, all_power - taken):
         of_data = form @ covariance
@@ -95,7 +105,11 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[Errors, Err
         variance = 2 * float(np.sum(of_data * of_data.T)) + 2 * rest * white**2
         pulled = form @ cells.residual_dps
         product = 4 * float(pulled @ slow @ pulled - np.sum((form @ slow) * of_data.T)) if slow.ndim else 0.0
-        out.append(Errors(*(float(np.sqrt(max(v, 0.0))) for v in (variance - (1 - 2 * SETTLED) * common, product))))
+        noise, systematic = (float(np.sqrt(max(v, 0.0))) for v in (variance - (1 - 2 * SETTLED) * common, product))
+        if walk is not None:  # the sum is mostly the square of the walk's slowest part
+            skewness = 8 * float(np.sum(of_data @ of_data * of_data.T)) / variance**1.5
+            noise *= 1 + skewness * (OF_ERRORS**2 - 1) / (6 * OF_ERRORS)
+        out.append(Errors(noise, systematic, float(np.sum(form * (covariance - without)))))
     return out[0], out[1]
 
 

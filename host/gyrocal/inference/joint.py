@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import with_noise
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.policy import POLICY
@@ -126,7 +125,7 @@ class _Likelihood:
         self.log_values = np.log([terms[i].values[name] for i, name in nonlinear])
         ranges = [np.log(terms[i].effect.parameter(name).search_range) for i, name in nonlinear]
         self.low, self.high = (np.array([r[k] for r in ranges]) - self.log_values for k in (0, 1))
-        self.top = profile_loglik(current)
+        self.top = current.solution.profile_loglik
         self.known: dict[bytes, Point] = {}
 
     def __call__(self, shift: Array) -> Point:
@@ -146,7 +145,7 @@ class _Likelihood:
         moved = with_noise(design, self.current.noise, self.current.spreads) if same else None
         if moved is None or not np.isfinite(moved.loglik):
             return Point(self.log_values + shift, np.inf, self.current.solution.beta, self.current.solution.cov)
-        return Point(self.log_values + shift, self.top - profile_loglik(moved), moved.solution.beta, moved.solution.cov)
+        return Point(self.log_values + shift, self.top - moved.solution.profile_loglik, moved.solution.beta, moved.solution.cov)
 
     def without(self, i: int) -> Point:
         """The fit without a term, at the same noise: its coefficients are zero."""
@@ -158,7 +157,7 @@ class _Likelihood:
         cov = np.where(absent | absent[:, None], 0.0, self.current.solution.cov)
         if poorer.solution.beta.size == np.count_nonzero(~absent):
             beta[~absent], cov[np.ix_(~absent, ~absent)] = poorer.solution.beta, poorer.solution.cov
-        return Point(self.log_values, self.top - profile_loglik(poorer), beta, cov)
+        return Point(self.log_values, self.top - poorer.solution.profile_loglik, beta, cov)
 
     def along(self, j: int, shift: float) -> Point:
         """The point at which one parameter is shifted alone."""

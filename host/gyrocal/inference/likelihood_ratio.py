@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import Spreads, SpreadScale
 from gyrocal.inference.same_blocks import on_same_blocks
+from gyrocal.inference.walk import Walks
 from gyrocal.recording.session import AXES, Array, Run
 
 FREE = 1e3
@@ -50,14 +50,26 @@ def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tupl
     cycles for known, and a few cycles say little of it: what differs from cycle to cycle alone has to pass an F test of as many
     values as there are cycles. What shows within them has to pass chi-square with each cycle's own offset left free. The better
     of the two counts, twice, for there were two. In runs far longer than the drift's correlation time, the gain must also
-    remain beside slow noise of each run. Both are held against the blocks that both see.
+    remain beside slow noise of each run, and where a power cycle has many runs, beside a bias that walks on from run to run.
+    Both are held against the blocks that both see.
     """
     current, fitted = on_same_blocks(current, fitted)
     statistic, chance = _ratio(current, fitted, parameters)
     if chance < LEAST_CHANCE and current.design.extent_s[0] > LONG * current.noise.ou_tau_s and current.noise.ou_sd_dps > 0:
         slow, richer = _beside_wander(current), _beside_wander(fitted)
         chance = max(chance, _ratio(slow, richer, parameters)[1])
+    if chance < LEAST_CHANCE and (walks := Walks.of(current.design)) is not None:
+        chance = max(chance, _beside_walk(walks, current, fitted, parameters))
     return statistic, chance
+
+
+def _beside_walk(walks: Walks, current: AxisFit, fitted: AxisFit, parameters: int) -> float:
+    """The chance that noise gains as much beside a bias that walks on from run to run."""
+    noises = (current.noise, fitted.noise)
+    pairs = zip(walks.likeliest(fitted, noises), walks.likeliest(current, noises), strict=True)
+    walking, within = (max(0.0, 2 * (richer - poorer)) for richer, poorer in pairs)
+    left = walks.count - len(current.design.layout.fixed) - parameters
+    return max(float(tails.chi_square(walking, parameters)), _of_few(walking, within, parameters, walks.count, left))
 
 
 def _beside_wander(fit: AxisFit) -> AxisFit:
@@ -72,16 +84,21 @@ def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, f
     poorer = [current]
     if fitted.noise != current.noise:
         poorer.append(with_noise(current.design, fitted.noise, current.spreads))
-    statistic = max(0.0, 2 * (profile_loglik(fitted) - max(map(profile_loglik, poorer))))
+    statistic = max(0.0, 2 * (fitted.solution.profile_loglik - max(one.solution.profile_loglik for one in poorer)))
     chance = float(tails.chi_square(statistic, parameters))
     layout, cycles = current.design.layout, np.unique(current.design.scenarios).size
     if not layout.scenario or chance > LEAST_CHANCE:
         return statistic, chance
     within = 2 * (_of_free_cycles(fitted, cycles) - max(_of_free_cycles(one, cycles) for one in poorer))
     left = cycles - len(layout.fixed) - parameters
-    ratio = float(np.expm1(min(statistic / cycles, 500.0))) * left / parameters
+    return statistic, max(chance, _of_few(statistic, within, parameters, cycles, left))
+
+
+def _of_few(statistic: float, within: float, parameters: int, count: int, left: int) -> float:
+    """The chance of a gain between ``count`` power cycles or runs, by F with ``left`` degrees of freedom, or within them."""
+    ratio = float(np.expm1(min(statistic / count, 500.0))) * left / parameters
     between = float(tails.f_ratio(ratio, parameters, left)) if left > 0 else 1.0
-    return statistic, max(chance, min(1.0, 2 * min(float(tails.chi_square(within, parameters)), between)))
+    return min(1.0, 2 * min(float(tails.chi_square(within, parameters)), between))
 
 
 def _of_free_cycles(fitted: AxisFit, cycles: int) -> float:
@@ -93,12 +110,4 @@ def _of_free_cycles(fitted: AxisFit, cycles: int) -> float:
     known = SpreadScale.of(fitted.design, fitted.grams).unit[fitted.spreads.run.size :]
     wide = np.minimum(FREE * np.maximum(fitted.spreads.scenario, known), WIDEST * known)
     free = fitted.equations().solve(Spreads(fitted.spreads.run, wide))
-    return profile_loglik(replace(fitted, solution=free)) + cycles * float(np.sum(np.log(wide[wide > 0])))
-
-
-def profile_loglik(fitted: AxisFit) -> float:
-    """Log-likelihood at the fitted noise, shared parameters at their best: comparable between models (REML's is not)."""
-    if not np.isfinite(fitted.loglik):  # nothing that could be solved
-        return -np.inf
-    chol = np.linalg.slogdet(np.linalg.inv(fitted.solution.cov))[1] if fitted.solution.beta.size else 0.0
-    return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
+    return free.profile_loglik + cycles * float(np.sum(np.log(wide[wide > 0])))

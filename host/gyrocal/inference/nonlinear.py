@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.recording.session import Array
 
@@ -41,14 +40,14 @@ def refine(current: AxisFit) -> AxisFit:
             return with_noise(design, base.noise, carry_spreads(base, design))
 
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
-            return -profile_loglik(at(x))
+            return -at(x).solution.profile_loglik
 
         runs = [b.run for b in current.design.blocks]
         steps = np.array([term.effect.step(name, term.values, runs) for name in names])
         stairs = len(names) == 1 and term.effect.resolution(names[0], term.values, runs, current.design.axis) > 0
         search = _stairs if stairs else _one if len(names) == 1 else _several
         better = at(search(cost, x0, bounds, steps))
-        if profile_loglik(better) > profile_loglik(current):
+        if better.solution.profile_loglik > current.solution.profile_loglik:
             current, moved = better, True
     return fit_noise(current.design, start=current) if moved else current
 

@@ -57,6 +57,14 @@ class Solution:
     cov: Array
     chi2: float
 
+    @property
+    def profile_loglik(self) -> float:
+        """Log-likelihood with the shared parameters at their best: comparable between models (REML's is not)."""
+        if not np.isfinite(self.loglik):  # nothing that could be solved
+            return -np.inf
+        logdet = float(np.linalg.slogdet(np.linalg.inv(self.cov))[1]) if self.beta.size else 0.0
+        return self.loglik + 0.5 * logdet - 0.5 * self.beta.size * float(np.log(2 * np.pi))
+
 
 @dataclass(frozen=True)
 class Integrated:

@@ -12,7 +12,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.errors import InputError
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.likelihood_ratio import likelihood_ratio, profile_loglik
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.timing import with_timing
 from gyrocal.noise.whitening import Noise
@@ -61,7 +61,7 @@ def _likeliest(current: AxisFit, designs: Sequence[Design], noise: Noise) -> Axi
         return trial.design.terms[-1].values.keys()
 
     penalty = 0.5 * np.log(len(current.design.blocks))
-    best = max(trials, key=lambda trial: profile_loglik(trial) - penalty * parameters(trial))
+    best = max(trials, key=lambda trial: trial.solution.profile_loglik - penalty * parameters(trial))
     for trial in sorted(trials, key=parameters):
         lacks = parameters(best) - parameters(trial)
         if lacks > 0 and names(trial) < names(best) and likelihood_ratio(trial, best, lacks)[1] > POLICY.structure_chance:

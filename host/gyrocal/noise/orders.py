@@ -120,8 +120,8 @@ def order_spectrum(
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 
     Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains. It begins where lines can be
-    told from slow noise; ``whole`` begins it at one period in the longest run. ``count_dps`` is a count of the readings, whose
-    rounding is noise too.
+    told from slow noise in the shortest of them; ``whole`` begins it at one period in the longest run. ``count_dps`` is a count
+    of the readings, whose rounding is noise too.
     """
     from scipy.ndimage import median_filter
 
@@ -132,7 +132,7 @@ def order_spectrum(
     length = 1 << int(np.ceil(np.log2(PAD * turns * BINS)))
     order = np.arange(length // 2 + 1) * BINS / length
     reach = min(HIGHEST, *(0.5 / float(np.median(np.abs(np.diff(a)))) for _, a in pairs if np.any(np.diff(a))))
-    lowest = 1 / turns if whole else max(0.5, LEAST_TURNS / turns)
+    lowest = 1 / turns if whole else max(0.5, LEAST_TURNS / min(turns, *(float(a.max()) for _, a in pairs)))
     use = (order >= lowest) & (order <= reach)
     if np.count_nonzero(use) < NEIGHBOURS:
         return NOTHING

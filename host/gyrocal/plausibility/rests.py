@@ -91,8 +91,19 @@ def _bias_dps(means: Means, lines: Lines, axis: str) -> float:
 
 
 def _apart(rests: list[Mean], scatter_dps: float, bias_dps: float) -> list[Mean]:
-    """Rests whose mean deviates from the other rests. Of two rests that disagree, the one farther from the bias is reported."""
-    apart_dps = max(POLICY.rest_off_dps, POLICY.rest_spreads * scatter_dps)
+    """Rests whose mean deviates from the other rests of their power cycle, or far from those of the other cycles."""
+    cycles = {m.run.scenario: [o for o in rests if o.run.scenario == m.run.scenario] for m in rests}
+    within = [m for mine in cycles.values() for m in _off_the_others(mine, POLICY.rest_off_dps, scatter_dps, bias_dps)]
+    known = {m.run.file for m in within}
+    if len(cycles) > 1:  # the bias of each power cycle is its own
+        rest = [m for m in rests if m.run.file not in known]
+        within += _off_the_others(rest, POLICY.rest_off_cycles_dps, scatter_dps, bias_dps)
+    return within
+
+
+def _off_the_others(rests: list[Mean], least_dps: float, scatter_dps: float, bias_dps: float) -> list[Mean]:
+    """Rests whose mean is ``least_dps`` off the others or more. Of two that disagree, the farther from the bias is reported."""
+    apart_dps = max(least_dps, POLICY.rest_spreads * scatter_dps)
     if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > apart_dps:
         return [max(rests, key=lambda m: abs(m.mean_dps - bias_dps))]
     values = np.array([m.mean_dps for m in rests])
@@ -100,7 +111,7 @@ def _apart(rests: list[Mean], scatter_dps: float, bias_dps: float) -> list[Mean]
     for i, m in enumerate(rests if len(rests) > 2 else []):
         others = np.delete(values, i)
         off = abs(m.mean_dps - float(np.median(others)))
-        if off > max(POLICY.rest_off_dps, POLICY.rest_spreads * spread(others)):
+        if off > max(least_dps, POLICY.rest_spreads * spread(others)):
             out.append(m)
     return out
 

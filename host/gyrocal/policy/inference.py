@@ -16,6 +16,11 @@ class Inference:
         larger="the spread of few power cycles is left out of the model",
         smaller="a spread is stated that two values determine, with one degree of freedom",
     )  # fmt: skip
+    walking_runs: int = threshold(
+        6, "runs of a power cycle from which on an effect must remain beside a bias that walks on from run to run",
+        larger="in a log that is cut into a few runs, what moves slowly explains the walk of the bias",
+        smaller="effects that differ between a few runs alone are not found",
+    )  # fmt: skip
     same_in_cycles: float = threshold(
         0.2, "prior probability that scale or bias does not differ between power cycles, in the standard errors of few cycles",
         larger="errors are too small if the cycles differ by about what one of them shows",

@@ -223,8 +223,12 @@ class Plausibility:
         larger="checks of slopes take longer", smaller="slopes of delayed readings are too small",
     )  # fmt: skip
     rest_off_dps: float = threshold(
-        1.0, "smallest deviation of a rest's mean from the other rests that is reported, dps",
+        1.0, "smallest deviation of a rest's mean from the other rests of its power cycle that is reported, dps",
         larger="slow motion in a run at rest is not reported", smaller="warm-up and drift are called motion", chosen_by=SLOPES,
+    )  # fmt: skip
+    rest_off_cycles_dps: float = threshold(
+        4.75, "smallest deviation of a rest's mean from the rests of other power cycles that is reported, dps",
+        larger="a rest that is 5 dps off passes by its noise", smaller="the turn-on bias of a poor sensor is called motion",
     )  # fmt: skip
     rest_alone_dps: float = threshold(
         25.0, "mean of a rest, less the bias of turning runs where there are some, from which on the part turns steadily, dps",

@@ -28,10 +28,14 @@ from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.noise_shape import beyond_color, of_slopes
 from gyrocal.inference.reml import LARGEST_SPREAD
+from gyrocal.inference.walk import Walks
 from gyrocal.noise.spectrum import Spectrum, evenly_spaced, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST
 from gyrocal.recording.session import AXES, Array
+
+BEYOND_ROUNDING = 1 + 1e-9
+"""An excess that is three of its errors is no more than three of them after rounding."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,7 @@ def excess_of(difference: float, error: float, white: float) -> tuple[float, flo
     se = float(np.sqrt(error**2 + 4 * power * white))
     low, excess, high = (float(np.sqrt(max(0.0, power + k * se))) for k in (-3, 0, 3))
     half = float(np.sqrt(power + se) - np.sqrt(max(0.0, power - se))) / 2
-    return excess, max(half, (excess - low) / 3, (high - excess) / 3)
+    return excess, max(half, (excess - low) / 3 * BEYOND_ROUNDING, (high - excess) / 3)
 
 
 def explained(before: Level, after: Level, cycles: int) -> float | None:
@@ -199,11 +203,14 @@ def floor_of(axis: AxisFit, folds: Sequence[Fold], scatter: Scatter, clean: Axis
     power = expected(axis, folds)
     samples = max(power.samples, 1.0)
     between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
-    errors, errors_within = difference_errors(axis, folds)
+    walks = Walks.of((clean or axis).design)
+    walk = None if walks is None else walks.walk(clean or axis)
+    errors, errors_within = difference_errors(axis, folds, walk)
     within = scatter.power * between + power.within / samples
     if of_slopes(axis):
         within += beyond_color(clean or axis) * power.blocks / samples
-    of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
+    within += errors_within.walk / samples
+    of_cycles = min((power.squares - power.within + errors.walk - errors_within.walk) / samples, _largest_of_cycles(axis))
     of_level = scatter.error(int(power.blocks)) * axis.noise.white_sd_dps**2
     error, error_within = (float(np.hypot(e.noise, of_level)) / samples for e in (errors, errors_within))
     return Floor(within + of_cycles, within, error, error_within, scatter.power, scatter.power * between)
