@@ -423,6 +423,8 @@ class Verify(TypedDict):
     max_abs_diff: float
     max_diff_of_range: float
     tolerance: float
+    integers_max_of_se: float | None
+    integers_rms_of_se: float | None
     ok: bool
 
 

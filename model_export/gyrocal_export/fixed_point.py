@@ -1,8 +1,8 @@
 """Network `gyrocal` in integers: the gains and starts by which the C kernel computes it without float arithmetic.
 
-The codes are those of the quantised graph. An output is (start + sum of codes · inputs) · gain / 2^32, rounded down, and LeakyReLU
-follows. Each layer's unit is chosen so that no column within the network's range lets an output pass the limit of its layer: the
-sums are bounded term by term, from the range of the columns on. Therefore nothing saturates and no data are needed.
+The codes are those of the quantised graph. An output is (start + sum of codes · inputs) · gain / 2^32, rounded down, and
+LeakyReLU follows. Each layer's unit is chosen so that no column within the network's range lets an output pass the limit of its
+layer: the sums are bounded term by term, from the columns on. Therefore nothing saturates, and no data are needed.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ Integers = NDArray[np.int64]
 
 COLUMN_LIMIT = ROW_LIMIT = 2**17
 FEATURE_LIMIT, HIDDEN_LIMIT = 2**15, 2**18
-"""The largest column, and the largest output of the first convolution, of the second one and of the dense layers. 24 codes times
-the sums of two rows, 144 codes times features and 32 codes times hidden outputs are then below 2^30, whatever the codes."""
+"""The largest column, and the largest output of the first convolution, of the second one and of the dense layers. 24 codes
+times the sums of two rows, 144 codes times features and 32 codes times hidden outputs are then below 2^30, whatever the codes
+are."""
 LARGEST = 2**31 - 1
 LEAK_UNIT = 2**15
 STRAIGHT_LIMIT = 2**15 - 1
@@ -35,23 +36,28 @@ class Layer(NamedTuple):
 
 
 class FixedPoint(NamedTuple):
-    """What the integer kernel knows beside the codes."""
+    """What the integer kernel knows beside the codes. A step is the size of an integer in the network's unit."""
 
     leak: int
-    columns_a_unit: np.float32
+    columns_a_unit: float
     straight: Integers
-    straight_step: NDArray[np.float32]
+    straight_step: Float
     layers: dict[str, Layer]
     last_start: Integers
-    last_step: NDArray[np.float32]
+    last_step: Float
 
 
-class _Bounded(NamedTuple):
-    """The smallest and largest value of each input of a layer, and the unit of these integers in the network's unit."""
+class _Numbers(NamedTuple):
+    """The smallest and largest values of the inputs of a layer, and the size of these integers in the network's unit."""
 
     low: Float
     high: Float
-    unit: float
+    step: float
+
+    def times(self, n: int, factor: int = 1) -> _Numbers:
+        """The inputs of a layer that takes ``n`` times, each the sum of ``factor``; a short stage lacks times."""
+        low, high = factor * np.minimum(self.low, 0), factor * np.maximum(self.high, 0)
+        return _Numbers(np.tile(low, n), np.tile(high, n), self.step)
 
 
 def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool: int, leak: float) -> FixedPoint:
@@ -66,47 +72,60 @@ def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool
     Raises:
         InputError: a bias is so large beside its weights that a sum would not fit.
     """
-    leak_code = round(leak * LEAK_UNIT)
-    columns_a_unit = np.float32((COLUMN_LIMIT - 1) / column_range)
-    first, second, third, fourth, last = (
-        constants[f"{name}.code"].astype(np.float64).reshape(len(constants[f"{name}.code"]), -1)
-        for name in ("first", "second", "third", "fourth", "last")
-    )
-    taps, kernel = first.shape[1], constants["second.code"].shape[2]
     layers: dict[str, Layer] = {}
 
-    def through(name: str, code: Float, x: _Bounded, bias: NDArray[Any], limit: int, mean_of: int = 1) -> _Bounded:
-        step = constants[f"{name}.step"].astype(np.float64) * x.unit / mean_of
-        low, high = (f(code * x.low, code * x.high).sum(1) for f in (np.minimum, np.maximum))
-        least, most = float((low * step + bias).min()), float((high * step + bias).max())
-        most = max(most, -least * max(leak, (limit - 1) / (LARGEST // leak_code - 1)))  # a number times the leak fits too
-        gain = np.rint(step * (limit - 1) / most * 2**32)
-        start = np.rint(bias / step + 2**31 / gain)
-        if max(gain.max(), float((high + start).max()), -float((low + start).min())) > LARGEST:
-            raise InputError(f"the {name} layer of the network does not fit into 32 bits; train it again with more weight decay")
-        layers[name] = Layer(gain.astype(np.int64), start.astype(np.int64))
-        rows = start if start.ndim > 1 else start[None]
-        low, high = (np.floor((sums + rows) * gain / 2**32) for sums in (low, high))
-        low, high = (np.where(y < 0, np.floor(leak_code / LEAK_UNIT * y + 0.5), y) for y in (low.min(0), high.max(0)))
-        return _Bounded(low, high, most / (limit - 1))
+    def through(name: str, code: Float, bias: NDArray[Any], x: _Numbers, limit: int, mean_of: int = 1) -> _Numbers:
+        layers[name], y = _layer(name, code, constants[f"{name}.step"] / mean_of, bias, x, limit, round(leak * LEAK_UNIT))
+        return y
 
-    x = _Bounded(np.full(taps, -float(COLUMN_LIMIT)), np.full(taps, float(COLUMN_LIMIT)), 1 / float(columns_a_unit))
-    x = through("first", first, x, constants["first.bias"], ROW_LIMIT)
-    x = _Bounded(pool * np.repeat(x.low, kernel), pool * np.repeat(x.high, kernel), x.unit)
-    x = through("second", second, x, constants["second.bias"], FEATURE_LIMIT, pool)
-    times = third.shape[1] // len(second)
-    x = _Bounded(np.tile(x.low, times), np.tile(x.high, times), x.unit)
-    x = through("third", third, x._replace(low=np.minimum(x.low, 0), high=np.maximum(x.high, 0)), constants["start"], HIDDEN_LIMIT)
-    x = through("fourth", fourth, x, constants["fourth.bias"], HIDDEN_LIMIT)
-    last_step = (constants["last.step"].astype(np.float64) * x.unit).astype(np.float32)
-    straight = constants["straight"].astype(np.float64)
+    columns_a_unit = float(np.float32((COLUMN_LIMIT - 1) / column_range))
+    first, third, fourth = (constants[f"{name}.code"].astype(float) for name in ("first", "third", "fourth"))
+    second = by_time(constants["second.code"]).astype(float)
+    taps, times = second.shape[1], third.shape[1] // len(second)
+    x = _Numbers(np.array([-COLUMN_LIMIT], float), np.array([COLUMN_LIMIT], float), 1 / columns_a_unit).times(first.shape[-1])
+    x = through("first", first[:, 0], constants["first.bias"], x, ROW_LIMIT)
+    second = second.reshape(len(second), -1)
+    x = through("second", second, constants["second.bias"], x.times(taps, pool), FEATURE_LIMIT, pool)
+    x = through("third", third, constants["start"], x.times(times), HIDDEN_LIMIT)
+    x = through("fourth", fourth, constants["fourth.bias"], x, HIDDEN_LIMIT)
+    last_step = constants["last.step"].astype(float) * x.step
+    straight = constants["straight"].astype(float)
     straight_unit = np.abs(straight).max(1) / STRAIGHT_LIMIT
     return FixedPoint(
-        leak=leak_code,
+        leak=round(leak * LEAK_UNIT),
         columns_a_unit=columns_a_unit,
-        straight=np.rint(straight / straight_unit[:, None]).astype(np.int64),
-        straight_step=(straight_unit / float(columns_a_unit)).astype(np.float32),
+        straight=_integers(straight / straight_unit[:, None]),
+        straight_step=straight_unit / columns_a_unit,
         layers=layers,
-        last_start=np.rint(constants["last.bias"] / last_step.astype(np.float64)).astype(np.int64),
+        last_start=_integers(constants["last.bias"] / last_step),
         last_step=last_step,
     )
+
+
+def by_time(code: NDArray[Any]) -> NDArray[Any]:
+    """The codes of a convolution, [out, in, kernel], in the order [out, kernel, in]."""
+    return code.swapaxes(1, 2)
+
+
+def _layer(
+    name: str, code: Float, step: NDArray[Any], bias: NDArray[Any], x: _Numbers, limit: int, leak: int
+) -> tuple[Layer, _Numbers]:
+    """The numbers of a layer with codes [out, in], and its outputs after LeakyReLU."""
+    step = step.astype(float) * x.step
+    low, high = (f(code * x.low, code * x.high).sum(1) for f in (np.minimum, np.maximum))
+    least, most = float((low * step + bias).min()), float((high * step + bias).max())
+    # after LeakyReLU an output is within the limit, and before it an output times the leak fits 32 bits
+    most = max(most, -least * max(leak / LEAK_UNIT, (limit - 1) / (LARGEST // leak - 1)))
+    out_step = most / (limit - 1)
+    gain = np.rint(step / out_step * 2**32)
+    start = np.rint(bias / step + 2**31 / gain)
+    if max(gain.max(), float((high + start).max()), -float((low + start).min())) > LARGEST:
+        raise InputError(f"the {name} layer of network gyrocal does not fit 32 bits; train it with more weight decay")
+    ends = np.array([(low + start).reshape(-1, len(code)).min(0), (high + start).reshape(-1, len(code)).max(0)])
+    y = np.floor(ends * gain / 2**32)
+    y = np.where(y < 0, np.floor(y * leak / LEAK_UNIT + 0.5), y)
+    return Layer(_integers(gain), _integers(start)), _Numbers(y[0], y[1], out_step)
+
+
+def _integers(values: Float) -> Integers:
+    return np.rint(values).astype(np.int64)

@@ -12,7 +12,7 @@ from onnx import helper, numpy_helper
 
 from gyrocal.errors import InputError
 from gyrocal_export.c_header import array, literal
-from gyrocal_export.fixed_point import FixedPoint, fixed_point
+from gyrocal_export.fixed_point import FixedPoint, by_time, fixed_point
 from gyrocal_export.gyrocal_onnx import LAYERS, POOLED
 from gyrocal_export.nets.gyrocal import STAGES
 
@@ -38,7 +38,7 @@ def tables(model: onnx.ModelProto, source: str) -> str:
     pools = {layer: nodes[f"{layer}.pool"]["kernel_shape"][0] for layer in POOLED}
     column_range = float(metadata["column_range_dps"]) / float(metadata["unit_dps"])
     integers = fixed_point(constants, column_range, pools["second"], leak)
-    codes = "".join(_array("int8_t", f"{layer}_code", constants[f"{layer}.code"]) for layer in LAYERS)
+    codes = "".join(_array("int8_t", f"{layer}_code", constants[f"{layer}.code"]) for layer in LAYERS if layer != "second")
     said = "".join(
         f"    .{name} = {literal(float(metadata[name]))},\n"
         for name in ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps")
@@ -63,22 +63,24 @@ static const gc_convnet_t gc_gyrocal = {{
     .straight = gc_gyrocal_straight_code,
     .straight_step = gc_gyrocal_straight_step,
     .last_step = gc_gyrocal_last_unit,
-{_layers("gain", "start", LAYERS[:-1]).replace("second_code", "second_by_time")}    .last_layer = {{.code = gc_gyrocal_last_code, .start = gc_gyrocal_last_start}},
+{_layers("gain", "start", LAYERS[:-1])}    .last_layer = {{.code = gc_gyrocal_last_code, .start = gc_gyrocal_last_start}},
 #endif
 }};
 """
 
 
 def _floats(constants: Constants, pool: int) -> str:
-    text = _array("float", "straight", constants["straight"])
+    text = _array("int8_t", "second_code", constants["second.code"]) + _array("float", "straight", constants["straight"])
     for layer in LAYERS:
         step, bias = constants[f"{layer}.step"], constants["start" if layer == "third" else f"{layer}.bias"]
-        text += _array("float", f"{layer}_step", step / pool if layer == "second" else step) + _array("float", f"{layer}_bias", bias)
+        text += _array("float", f"{layer}_step", step / pool if layer == "second" else step)
+        text += _array("float", f"{layer}_bias", bias)
     return text
 
 
 def _integers(constants: Constants, numbers: FixedPoint) -> str:
-    text = _array("int8_t", "second_by_time", constants["second.code"].swapaxes(1, 2)) + _array("int16_t", "straight_code", numbers.straight) + _array("float", "straight_step", numbers.straight_step)
+    text = _array("int8_t", "second_code", by_time(constants["second.code"]))
+    text += _array("int16_t", "straight_code", numbers.straight) + _array("float", "straight_step", numbers.straight_step)
     for name, layer in numbers.layers.items():
         text += _array("int32_t", f"{name}_gain", layer.gain) + _array("int32_t", f"{name}_start", layer.start)
     return text + _array("int32_t", "last_start", numbers.last_start) + _array("float", "last_unit", numbers.last_step)

@@ -62,10 +62,13 @@ static int find_columns(const gc_convnet_t *net, const int16_t *counts, double s
     }
     *mean = (double)total / (double)n;
     const double divisor = (double)pool * (double)n;
-    gc_convnet_set_columns(net, work, off, sign * lsb_dps / (divisor * (double)net->unit_dps));
     const bool in_range = lsb_dps * (double)off_column <= (double)net->sample_range_dps * (double)pool &&
                           lsb_dps * (double)off_mean <= (double)net->column_range_dps * divisor;
-    return in_range ? GC_OK : GC_E_NET_RANGE;
+    if (!in_range) {
+        return GC_E_NET_RANGE;
+    }
+    gc_convnet_set_columns(net, work, off, sign * lsb_dps / (divisor * (double)net->unit_dps));
+    return GC_OK;
 }
 
 int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,

@@ -45,7 +45,7 @@ typedef int32_t gc_convnet_number_t;
  * output is rounded to the nearest. The export proves that no input within the network's range lets a sum overflow. */
 typedef struct gc_convnet_layer {
     const int8_t *code;  /* as in gc_cnn_layer_t */
-    const int32_t *gain; /* NULL: the sums are the outputs */
+    const int32_t *gain; /* the last layer has none: its sums are its outputs */
     const int32_t *start;
 } gc_convnet_layer_t;
 #else
@@ -98,7 +98,7 @@ typedef struct {
     double w_dps;
     double mean_dps; /* of measured - true rate */
     gc_convnet_number_t columns[GC_CONVNET_MAX_COLUMNS];
-    gc_convnet_number_t sums[GC_CONVNET_MAX_SUMS];
+    gc_convnet_number_t sums[GC_CONVNET_MAX_SUMS]; /* over the second convolution's pool */
     gc_convnet_number_t features[GC_CONVNET_MAX_FEATURES];
     gc_convnet_number_t third[GC_CONVNET_MAX_HIDDEN];
     float out[2]; /* the correction, in units, and the logarithm of its precision */
