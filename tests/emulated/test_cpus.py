@@ -152,7 +152,7 @@ def test_the_documented_table_is_complete() -> None:
 
 @pytest.mark.slow
 @CPU
-@pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "device"])
+@pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "inference_gyrocal_fixed", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:
     """Within a twentieth with the documented compiler, a fifth with another: else make the table again, and say why it grew."""
     require(cpu, require_tool)
