@@ -1,11 +1,11 @@
 """Network `gyrocal` in integers (GC_NET_FIXED) beside float32: the errors of both on the same readings, as a Markdown table.
 
 The readings are those of `gyrocal benchmark paper` (its seeds, flat priors) and of `gyrocal benchmark population` (its kinds of
-tables and sensors). Both networks are run by the C core on raw counts. The last column is the largest difference of an answer of
-scale or bias over its standard error.
+tables and sensors). Both networks are run by the C core on raw counts. The last column is the largest difference of a scale or
+a bias over its standard error.
 
-python benchmarks/fixed_point.py                    prints it (half a minute)
-python benchmarks/fixed_point.py docs/network.md    puts it between the marks in that file
+python -m benchmarks.fixed_point                    prints it (half a minute)
+python -m benchmarks.fixed_point docs/network.md    puts it between the marks in that file
 """
 
 import sys
@@ -14,17 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.paper import SEEDS
 from benchmarks.paper_campaign import FIRST_SEED, MOST, SECONDS, Campaign
 from benchmarks.population import KINDS, SEED, SENSORS, W_DPS, Population
+
 from gyrocal.calibration.network import FaceAnswers, merge
 from gyrocal.core.networks import CoreFaceNetwork
 from gyrocal.recording.session import Array
 from gyrocal.simulation.simulate import LSB_DPS
 
-BEGIN, END = "<!-- table: python benchmarks/fixed_point.py docs/network.md -->\n", "<!-- end of table -->\n"
+BEGIN, END = "<!-- table: python -m benchmarks.fixed_point docs/network.md -->\n", "<!-- end of table -->\n"
 COLUMNS = ("readings", "first", "scale, %", "in integers", "bias, mdps", "in integers", "largest difference")
 PERCENT_MDPS = np.array([100.0, 1000.0])
 

@@ -24,6 +24,8 @@ FEATURE_LIMIT, HIDDEN_LIMIT = 2**15, 2**18
 times the sums of two rows, 144 codes times features and 32 codes times hidden outputs are then below 2^30, whatever the codes
 are."""
 LARGEST = 2**31 - 1
+SMALLEST_GAIN = 2**12
+"""A gain is rounded by a part in ten thousand at most."""
 LEAK_UNIT = 2**15
 STRAIGHT_LIMIT = 2**15 - 1
 
@@ -70,7 +72,7 @@ def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool
         leak: LeakyReLU's slope below zero.
 
     Raises:
-        InputError: a bias is so large beside its weights that a sum would not fit.
+        InputError: the network is so large, or a bias so large beside its weights, that a sum would not fit 32 bits.
     """
     layers: dict[str, Layer] = {}
 
@@ -89,6 +91,8 @@ def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool
     x = through("third", third, constants["start"], x.times(times), HIDDEN_LIMIT)
     x = through("fourth", fourth, constants["fourth.bias"], x, HIDDEN_LIMIT)
     last_step = constants["last.step"].astype(float) * x.step
+    last_start = _integers(constants["last.bias"] / last_step)
+    _sums("last", constants["last.code"].astype(float), last_start.astype(float), x)
     straight = constants["straight"].astype(float)
     straight_unit = np.abs(straight).max(1) / STRAIGHT_LIMIT
     return FixedPoint(
@@ -97,7 +101,7 @@ def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool
         straight=_integers(straight / straight_unit[:, None]),
         straight_step=straight_unit / columns_a_unit,
         layers=layers,
-        last_start=_integers(constants["last.bias"] / last_step),
+        last_start=last_start,
         last_step=last_step,
     )
 
@@ -118,13 +122,27 @@ def _layer(
     most = max(most, -least * max(leak / LEAK_UNIT, (limit - 1) / (LARGEST // leak - 1)))
     out_step = most / (limit - 1)
     gain = np.rint(step / out_step * 2**32)
+    if not SMALLEST_GAIN <= gain.min() <= gain.max() <= LARGEST:
+        raise _too_large(name)
     start = np.rint(bias / step + 2**31 / gain)
-    if max(gain.max(), float((high + start).max()), -float((low + start).min())) > LARGEST:
-        raise InputError(f"the {name} layer of network gyrocal does not fit 32 bits; train it with more weight decay")
-    ends = np.array([(low + start).reshape(-1, len(code)).min(0), (high + start).reshape(-1, len(code)).max(0)])
-    y = np.floor(ends * gain / 2**32)
+    y = np.floor(_sums(name, code, start, x) * gain / 2**32)
     y = np.where(y < 0, np.floor(y * leak / LEAK_UNIT + 0.5), y)
     return Layer(_integers(gain), _integers(start)), _Numbers(y[0], y[1], out_step)
+
+
+def _sums(name: str, code: Float, start: Float, x: _Numbers) -> Float:
+    """The smallest and the largest sum of each output, [2, out], at any stage."""
+    low, high = (f(code * x.low, code * x.high).sum(1) for f in (np.minimum, np.maximum))
+    ends = np.array([(low + start).reshape(-1, len(code)).min(0), (high + start).reshape(-1, len(code)).max(0)])
+    if np.abs(ends).max() > LARGEST:
+        raise _too_large(name)
+    return ends
+
+
+def _too_large(name: str) -> InputError:
+    return InputError(
+        f"network gyrocal: the {name} layer does not fit 32 bits; train a smaller network, or with more weight decay"
+    )
 
 
 def _integers(values: Float) -> Integers:

@@ -10,7 +10,8 @@ from gyrocal_firmware import CORE, INCLUDE
 
 from .conftest import COVERAGE, FLAGS, HERE
 
-SOURCES = [HERE / "net_fixed.c", *(CORE / f"gc_{name}.c" for name in ("cnn", "convnet", "convnet_fixed", "convnet_float", "math"))]
+NAMES = ("cnn", "convnet", "convnet_fixed", "convnet_float", "math")
+SOURCES = [HERE / "net_fixed.c", *(CORE / f"gc_{name}.c" for name in NAMES)]
 
 
 def answered(cc: str, folder: Path, header: str) -> subprocess.CompletedProcess[str]:

@@ -130,7 +130,8 @@ def test_a_whole_calibration_says_the_same_words(
     """
     require(cpu, require_tool)
     options = [str(rows), "--speed", "max", "--stream", "raw"]
-    here = subprocess.run([library.build_sim(headers, [setting(has_no_fpu(cpu))]), *options], capture_output=True, check=True).stdout
+    device = library.build_sim(headers, [setting(has_no_fpu(cpu))])
+    here = subprocess.run([device, *options], capture_output=True, check=True).stdout
     sources = [*library.core_sources(), *sorted(SIM.glob("*.c"))]
     there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "sim.elf", [headers]), options)
     answers = [line.split(b",")[4:6] for line in here.splitlines() if line.startswith(b"$CAL")]

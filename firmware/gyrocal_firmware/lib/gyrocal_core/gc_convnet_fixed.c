@@ -63,8 +63,9 @@ static void find_outputs(const gc_convnet_t *net, const gc_convnet_layer_t *laye
 /* rows [times][channels]: each is replaced by its sum with those after it in the second convolution's pool. */
 static void add_over_pool(const gc_convnet_t *net, uint32_t times, int32_t *rows) {
     const uint32_t channels = net->first.channels;
-    for (uint32_t p = 1; p < net->second.pool; p++) {
-        for (uint32_t i = 0; i + p * channels < times * channels; i++) {
+    const uint32_t sums = (times - net->second.pool + 1u) * channels;
+    for (uint32_t i = 0; i < sums; i++) {
+        for (uint32_t p = 1; p < net->second.pool; p++) {
             rows[i] += rows[i + p * channels];
         }
     }
