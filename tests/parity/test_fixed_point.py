@@ -1,6 +1,7 @@
 """Network `gyrocal` in integers: C = numpy bit for bit, nothing overflows, and it answers as the float network does."""
 
 import re
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,10 +9,12 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.network import STAGES_S, FaceNetwork
+from gyrocal.core.library import build_sim
 from gyrocal.core.networks import CoreFaceNetwork
 from gyrocal.core.verify import INTEGERS_MAX, INTEGERS_RMS, counts, verify
+from gyrocal.device.rows import rows_bytes
 from gyrocal.errors import InputError
-from gyrocal.simulation.simulate import LSB_DPS, paper_windows
+from gyrocal.simulation.simulate import LSB_DPS, paper_windows, simulate
 from parity.fixed_point import LAYERS, FixedNetwork
 from parity.surgery import WEIGHTS, with_largest_negated
 
@@ -125,3 +128,28 @@ def test_it_refuses_what_the_float_network_refuses() -> None:
         assert 0 < both[0].mean() < 1
     even = np.full((1, 290), 9000)
     assert np.isfinite(CoreFaceNetwork(fixed=True).infer(even, 0, 1e300, 78.0)).all(), "no deviation in any unit"
+
+
+def test_the_device_answers_in_integers_as_in_float32(tmp_path: Path) -> None:
+    """Every `$CAL` of two power cycles: those of the network within a tenth of their standard error, all others the same."""
+    session, _ = simulate(None, "table2", seed=6, scenarios=2, seconds=7.0)
+    rows = tmp_path / "session.rows"
+    rows.write_bytes(rows_bytes(session))
+    said = []
+    for fixed in (0, 1):
+        device = build_sim(flags=[f"-DGC_NET_FIXED={fixed}"])
+        done = subprocess.run([device, rows, "--speed", "max", "--stream", "off"], capture_output=True, text=True, check=True)
+        lines = (line.partition("*")[0].split(",")[4:] for line in done.stdout.splitlines() if line.startswith("$CAL"))
+        said.append([dict(field.split("=") for field in fields) for fields in lines])
+    apart = []
+    for one, other in zip(*said, strict=True):
+        for name, value in one.items():
+            if one["method"] == "cnn" and name in ("scale", "bias_dps"):
+                se = float(one[name.replace("scale", "scale_se").replace("bias_dps", "bias_se_dps")])
+                apart.append(abs(float(other[name]) - float(value)) / se)
+            elif one["method"] == "cnn" and name in ("scale_se", "bias_se_dps", "misfit"):
+                assert float(other[name]) == pytest.approx(float(value), rel=0.02)
+            else:
+                assert other[name] == value
+    assert len(apart) == 12
+    assert 0 < max(apart) < 0.1

@@ -36,7 +36,7 @@ static int find_columns(const gc_convnet_t *net, const int16_t *counts, double s
                         double *mean) {
     const uint32_t n_columns = gc_convnet_columns(net, work->stage);
     const int32_t pool = (int32_t)net->pool;
-    const int64_t n = (int64_t)gc_convnet_samples(net, work->stage);
+    const int32_t n = (int32_t)gc_convnet_samples(net, work->stage);
     int64_t off[GC_CONVNET_MAX_COLUMNS]; /* column - mean in counts times a divisor */
     int32_t total = 0;
     int32_t off_column = 0; /* the largest |sample - column| in counts times the pool */
@@ -53,7 +53,7 @@ static int find_columns(const gc_convnet_t *net, const int16_t *counts, double s
         }
         off_column = most * pool - sum > off_column ? most * pool - sum : off_column;
         off_column = sum - least * pool > off_column ? sum - least * pool : off_column;
-        off[i] = sum * n;
+        off[i] = (int64_t)sum * n;
         total += sum;
     }
     for (uint32_t i = 0; i < n_columns; i++) {

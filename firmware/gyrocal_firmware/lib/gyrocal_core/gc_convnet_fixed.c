@@ -64,10 +64,13 @@ static void find_outputs(const gc_convnet_t *net, const gc_convnet_layer_t *laye
 static void add_over_pool(const gc_convnet_t *net, uint32_t times, int32_t *rows) {
     const uint32_t channels = net->first.channels;
     const uint32_t sums = (times - net->second.pool + 1u) * channels;
+    const uint32_t pooled = net->second.pool * channels;
     for (uint32_t i = 0; i < sums; i++) {
-        for (uint32_t p = 1; p < net->second.pool; p++) {
-            rows[i] += rows[i + p * channels];
+        int32_t sum = rows[i];
+        for (uint32_t k = channels; k < pooled; k += channels) {
+            sum += rows[i + k];
         }
+        rows[i] = sum;
     }
 }
 
