@@ -50,16 +50,18 @@ class FixedPoint(NamedTuple):
 
 
 class _Numbers(NamedTuple):
-    """The smallest and largest values of the inputs of a layer, and the size of these integers in the network's unit."""
+    """The smallest and largest values of the inputs of a layer, zero included, and the size of 1 in the network's unit.
+
+    With zero among them, the bounds of a sum hold for its first terms too, and for a stage that lacks times.
+    """
 
     low: Float
     high: Float
     step: float
 
     def times(self, n: int, factor: int = 1) -> _Numbers:
-        """The inputs of a layer that takes ``n`` times, each the sum of ``factor``; a short stage lacks times."""
-        low, high = factor * np.minimum(self.low, 0), factor * np.maximum(self.high, 0)
-        return _Numbers(np.tile(low, n), np.tile(high, n), self.step)
+        """The inputs of a layer that takes ``n`` times, each the sum of ``factor``."""
+        return _Numbers(np.tile(factor * self.low, n), np.tile(factor * self.high, n), self.step)
 
 
 def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool: int, leak: float) -> FixedPoint:
@@ -127,7 +129,7 @@ def _layer(
     start = np.rint(bias / step + 2**31 / gain)
     y = np.floor(_sums(name, code, start, x) * gain / 2**32)
     y = np.where(y < 0, np.floor(y * leak / LEAK_UNIT + 0.5), y)
-    return Layer(_integers(gain), _integers(start)), _Numbers(y[0], y[1], out_step)
+    return Layer(_integers(gain), _integers(start)), _Numbers(np.minimum(y[0], 0), np.maximum(y[1], 0), out_step)
 
 
 def _sums(name: str, code: Float, start: Float, x: _Numbers) -> Float:

@@ -57,9 +57,9 @@ def test_no_input_within_the_range_overflows() -> None:
         layer = twin.layers[name]
         if name == "second":  # times before channels, as its codes are, and summed over its pool
             low, high = (np.tile(y, twin.second_kernel) * twin.second_pool for y in (low, high))
-        if name == "third":  # a stage may lack times
-            times = layer.code.shape[1] // len(low)
-            low, high = np.tile(np.minimum(low, 0), times), np.tile(np.maximum(high, 0), times)
+        low, high = np.minimum(low, 0), np.maximum(high, 0)  # for the first terms of a sum, and for a stage that lacks times
+        if name == "third":
+            low, high = (np.tile(y, layer.code.shape[1] // len(y)) for y in (low, high))
         starts = np.atleast_2d(layer.start)
         least = np.minimum(layer.code * low, layer.code * high).sum(1) + starts.min(0)
         most = np.maximum(layer.code * low, layer.code * high).sum(1) + starts.max(0)
