@@ -3,7 +3,7 @@
 Peers are used where they are installed (`pip install emx-onnx-cgen`, in an environment of its own, its `bin` on the PATH); what
 is not there is named. Instructions of one call, RAM (static and stack, windows included), flash (code, tables and helpers),
 compiled with the same options; `max_abs_diff` is a peer's largest difference from onnxruntime on the same windows. Beside them
-network `gyrocal` on the block means of 6 s.
+network `gyrocal` on the counts of 6 s, its layers in float32 and in integers.
 
     gyrocal benchmark inference
 """
@@ -65,6 +65,7 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
         (alone / "weights.h").write_text(paper)
         ours = _figures(cpus.cost(CPU, "inference_paper", include_dirs=[alone]))
         gyrocal = _figures(cpus.cost(CPU, "inference_gyrocal"))
+        fixed = _figures(cpus.cost(CPU, "inference_gyrocal_fixed"))
         progress(1, 1 + len(GRAPHS))
         peers = []
         absent = [] if shutil.which(GENERATOR) else [GENERATOR]
@@ -75,7 +76,10 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
     best = {
         name.removesuffix("_bytes"): min(p[name] for p in peers) / ours[name] if peers else None for name in FIGURES
     }  # fmt: skip
-    return {"ours": ours, "gyrocal": gyrocal, "peers": peers, "best_peer_ratio": best, "absent": absent, "cpu": CPU.name}
+    return {
+        "ours": ours, "gyrocal": gyrocal, "gyrocal_fixed": fixed, "peers": peers, "best_peer_ratio": best, "absent": absent,
+        "cpu": CPU.name,
+    }  # fmt: skip
 
 
 def _figures(cost: cpus.Cost) -> dict[str, int]:
@@ -120,7 +124,8 @@ def show(found: dict[str, Any]) -> None:
         for name, of, diff in [
             ("gyrocal's kernel, network paper", found["ours"], ""),
             *((p["name"], p, f"{p['max_abs_diff']:.1e}") for p in found["peers"]),
-            ("network gyrocal, 6 s", found["gyrocal"], ""),
+            ("network gyrocal, 6 s, float32", found["gyrocal"], ""),
+            ("network gyrocal, 6 s, integers", found["gyrocal_fixed"], ""),
         ]
     ]
     table(f"one answer on {found['cpu']}", ["code:", "instructions", "RAM bytes", "flash bytes", "off onnxruntime"], rows)

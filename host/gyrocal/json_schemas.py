@@ -423,6 +423,8 @@ class Verify(TypedDict):
     max_abs_diff: float
     max_diff_of_range: float
     tolerance: float
+    integers_max_of_se: float | None
+    integers_rms_of_se: float | None
     ok: bool
 
 
@@ -560,12 +562,12 @@ class Version(TypedDict):
 
 ANSWERS: dict[str, tuple[Any, str]] = {
     "add": (Add, "1.0"), "allan": (Allan, "1.0"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
-    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.1"), "device": (Device, "1.0"),
+    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.2"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.0"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
     "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
-    "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.0"), "version": (Version, "1.0"),
+    "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
 }  # fmt: skip
 """The type and the version of the answer of each verb."""
 VERSIONS = {verb: version for verb, (_, version) in ANSWERS.items()}

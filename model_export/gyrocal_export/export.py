@@ -40,7 +40,8 @@ def _paper(run: Path) -> tuple[bytes, ...]:
 
 def _gyrocal(run: Path) -> tuple[bytes, ...]:
     from gyrocal_export.c_header import c_header_of_gyrocal
-    from gyrocal_export.gyrocal_onnx import tables, to_onnx
+    from gyrocal_export.gyrocal_header import tables
+    from gyrocal_export.gyrocal_onnx import to_onnx
     from gyrocal_export.train_gyrocal import load
 
     net, metadata = load(run)
@@ -69,7 +70,7 @@ def shipped_header() -> str:
 
     from gyrocal_export.c_header import c_header
     from gyrocal_export.graph import Graph
-    from gyrocal_export.gyrocal_onnx import tables
+    from gyrocal_export.gyrocal_header import tables
 
     with as_file(files("gyrocal") / "data") as data:
         convnet = tables(onnx.load(data / "gyrocal.int8.onnx"), "gyrocal.int8.onnx")

@@ -1,4 +1,4 @@
-"""Network `gyrocal` as ONNX, float and with int8 weights, and as the table that the C kernel reads.
+"""Network `gyrocal` as ONNX, float and with int8 weights.
 
 The graph is written layer by layer, each constant under its own name, so that the C table can be read from the quantised graph.
 """
@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import onnx
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
-from gyrocal.errors import InputError
-from gyrocal_export.c_header import array, literal
 from gyrocal_export.nets.gyrocal import LARGEST_LOG_PRECISION, STAGES, GyrocalNet
 from gyrocal_export.quantize import Writer, codes
 
@@ -106,55 +104,3 @@ def _sum_of_parts(writer: Writer, x: str, weight: str, times: int, channels: int
     pairs = zip(pieces["input"], pieces["weight"], strict=True)
     sums = [writer.node("Gemm", list(pair), f"third.sum.{i}", transB=1) for i, pair in enumerate(pairs)]
     return writer.node("Sum", sums, "third.sum")
-
-
-def tables(model: onnx.ModelProto, source: str) -> str:
-    """``gc_gyrocal``, the C table of the quantised graph.
-
-    Raises:
-        InputError: the graph is not a quantised network gyrocal.
-    """
-    constants = {i.name: numpy_helper.to_array(i) for i in model.graph.initializer}
-    metadata = {entry.key: entry.value for entry in model.metadata_props}
-    nodes = {n.name: {a.name: helper.get_attribute_value(a) for a in n.attribute} for n in model.graph.node}
-    leaks = {nodes[n.name]["alpha"] for n in model.graph.node if n.op_type == "LeakyRelu"}
-    wanted = [f"{layer}.{part}" for layer in LAYERS for part in ("code", "step")]
-    wanted += ["first.bias", "second.bias", "start", "fourth.bias", "last.bias", "straight"]
-    if metadata.get("name") != "gyrocal" or any(name not in constants for name in wanted) or len(leaks) != 1:
-        raise InputError(f"{source}: not the quantised graph of network gyrocal; write one with `gyrocal export`")
-
-    text, layers, shapes = array("float", "gc_gyrocal_straight", [literal(v) for v in constants["straight"].ravel()]), "", ""
-    columns = constants["straight"].shape[1]
-    pools = {layer: nodes[f"{layer}.pool"]["kernel_shape"][0] for layer in POOLED}
-    for layer in LAYERS:
-        code, step = constants[f"{layer}.code"], constants[f"{layer}.step"]
-        bias = constants["start" if layer == "third" else f"{layer}.bias"]
-        if layer in POOLED:
-            # the kernel takes columns, so the first pool is not needed
-            pool = pools[layer] if layer == "second" else 1
-            columns = (columns - code.shape[2] + 1) // pool
-            shape = {"channels": len(code), "kernel": code.shape[2], "pool": pool, "columns": columns}
-            shapes += f"    .{layer} = {{" + ", ".join(f".{name} = {value}" for name, value in shape.items()) + "},\n"
-            step = step / pool
-        text += array("int8_t", f"gc_gyrocal_{layer}_code", [str(v) for v in code.ravel()])
-        text += array("float", f"gc_gyrocal_{layer}_step", [literal(v) for v in step])
-        text += array("float", f"gc_gyrocal_{layer}_bias", [literal(v) for v in bias.ravel()])
-        layers += f"    .{layer}_layer = {{gc_gyrocal_{layer}_code, gc_gyrocal_{layer}_step, gc_gyrocal_{layer}_bias}},\n"
-    said = "".join(
-        f"    .{name} = {literal(float(metadata[name]))},\n"
-        for name in ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps")
-    )
-    return (
-        text
-        + f"""
-static const gc_convnet_t gc_gyrocal = {{
-    .name = "{metadata["name"]}",
-{said}    .leak = {literal(leaks.pop())},
-    .log_precision = {literal(constants["log_precision.high"].item())},
-    .pool = {pools["first"]},
-    .stage_columns = {constants["straight"].shape[1] // STAGES},
-{shapes}    .hidden = {constants["start"].shape[1]},
-    .straight = gc_gyrocal_straight,
-{layers}}};
-"""
-    )

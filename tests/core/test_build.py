@@ -15,9 +15,10 @@ SOURCES = sorted(CORE.rglob("*.c"))
 HEADERS = sorted(CORE.rglob("*.h"))
 
 
+@pytest.mark.parametrize("fixed", [0, 1])
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_compiles_without_a_warning(compiler: str, require_tool: Callable[[str], str], tmp_path: Path) -> None:
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, "-c", f"-I{INCLUDE}", f"-I{CORE}"]
+def test_compiles_without_a_warning(compiler: str, fixed: int, require_tool: Callable[[str], str], tmp_path: Path) -> None:
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, f"-DGC_NET_FIXED={fixed}", "-c", f"-I{INCLUDE}", f"-I{CORE}"]
     sources = [*SOURCES, *sorted(SIM.glob("*.c"))]
     command = [require_tool(compiler), *flags, *map(str, sources)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -18,6 +18,7 @@ from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
 pytestmark = pytest.mark.usefixtures("compiled_for_cpus")
 BITS = ROOT / "test" / "test_same_bits" / "bits.c"
+FACES = Path(__file__).with_name("faces.c")
 TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
 CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
 Require = Callable[[str], str]
@@ -28,6 +29,14 @@ DOCUMENTED_GCC = "12.2"
 def require(cpu: cpus.Cpu, require_tool: Require) -> None:
     for tool in ("cc", *cpu.tools):
         require_tool(tool)
+
+
+def has_no_fpu(cpu: cpus.Cpu) -> bool:
+    return cpu.name == "rv32imc"
+
+
+def setting(fixed: bool) -> str:
+    return f"-DGC_NET_FIXED={int(fixed)}"
 
 
 def first_difference(ours: bytes, theirs: bytes) -> str:
@@ -49,6 +58,37 @@ def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: 
     assert {line.split()[0] for line in lines} == {b"math", b"inference", b"baseline", b"estimator", b"wire"}
     assert sum(line.startswith(b"estimator 0 ") for line in lines) == 3
     assert there == here, first_difference(here, there)
+
+
+@CPU
+@pytest.mark.parametrize("fixed", [False, True], ids=["float", "integers"])
+def test_a_network_gives_the_same_bits(cpu: cpus.Cpu, fixed: bool, require_tool: Require, tmp_path: Path) -> None:
+    """Network `gyrocal` in float32 and in integers, whichever is the CPU's default."""
+    require(cpu, require_tool)
+    sources = [FACES, *library.core_sources()]
+    program = library.build("faces", sources, [INCLUDE, CORE], [setting(fixed)])
+    here = subprocess.run([program], capture_output=True, check=True).stdout
+    there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "faces.elf", flags=(*cpus.OPTIMISE, setting(fixed))))
+    answered = [line for line in here.splitlines() if line.startswith(b"0 ")]
+    assert len(set(answered)) == 18
+    assert there == here, first_difference(here, there)
+
+
+@CPU
+def test_layers_are_integers_where_the_cpu_has_no_fpu(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
+    require(cpu, require_tool)
+    source = tmp_path / "default.c"
+    source.write_text(
+        """#include "gc_convnet.h"
+#include <stdio.h>
+int main(int argc, char **argv) {
+    (void)argc, (void)argv;
+    printf("%d", GC_NET_FIXED);
+    return 0;
+}
+"""
+    )
+    assert cpus.run(cpu, cpus.build(cpu, [source], tmp_path / "default.elf")) == (b"1" if has_no_fpu(cpu) else b"0")
 
 
 def test_a_fused_multiply_add_would_be_seen(require_tool: Require, tmp_path: Path) -> None:
@@ -84,10 +124,14 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_whole_calibration_says_the_same_words(
     cpu: cpus.Cpu, require_tool: Require, headers: Path, rows: Path, tmp_path: Path
 ) -> None:
-    """The simulated device, compiled for that CPU: every sentence, raw samples and answers, byte for byte."""
+    """The simulated device, compiled for that CPU: every sentence, raw samples and answers, byte for byte.
+
+    Here it is compiled with the layers of the network as that CPU has them.
+    """
     require(cpu, require_tool)
     options = [str(rows), "--speed", "max", "--stream", "raw"]
-    here = subprocess.run([library.build_sim(headers), *options], capture_output=True, check=True).stdout
+    device = library.build_sim(headers, [setting(has_no_fpu(cpu))])
+    here = subprocess.run([device, *options], capture_output=True, check=True).stdout
     sources = [*library.core_sources(), *sorted(SIM.glob("*.c"))]
     there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "sim.elf", [headers]), options)
     answers = [line.split(b",")[4:6] for line in here.splitlines() if line.startswith(b"$CAL")]
@@ -109,7 +153,7 @@ def test_the_documented_table_is_complete() -> None:
 
 @pytest.mark.slow
 @CPU
-@pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "device"])
+@pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "inference_gyrocal_fixed", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:
     """Within a twentieth with the documented compiler, a fifth with another: else make the table again, and say why it grew."""
     require(cpu, require_tool)

@@ -14,13 +14,15 @@ from gyrocal.calibration import limit
 from gyrocal.calibration.network import STAGES_S, FaceNetwork
 from gyrocal.calibration.scenarios import Faces, Protocol, Simulation, block_means
 from gyrocal.cli import main
-from gyrocal.core.verify import verify
+from gyrocal.core.networks import CoreFaceNetwork
+from gyrocal.core.verify import counts, verify
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
-from gyrocal.simulation.simulate import paper_windows
+from gyrocal.simulation.simulate import LSB_DPS, paper_windows
+from parity.fixed_point import FixedNetwork
 
 
 @pytest.fixture(autouse=True)
@@ -105,6 +107,34 @@ def test_a_run_of_another_shape_goes_to_c(exported: Path, require_tool: Callable
         verify(exported / "model.int8.onnx")
     with pytest.raises(InputError, match="export both together"):
         verify(Path(gyrocal.__file__).parent / "data" / "paper.int8.onnx", exported / "weights.h")
+
+
+def test_its_integers_in_c_are_numpys(exported: Path, require_tool: Callable[[str], str]) -> None:
+    """Of another shape than the shipped network: outputs that are no multiple of four, a pool of three."""
+    require_tool("cc")
+    net = FaceNetwork.open(exported / "model.int8.onnx")
+    core, twin = CoreFaceNetwork(exported / "weights.h", fixed=True), FixedNetwork(exported / "weights.h")
+    for stage in range(3):
+        x = counts(net, 6, 200)["down"][:, : net.samples(stage)]
+        got = core.infer(x, stage, LSB_DPS, -78.0)
+        known = np.isfinite(got[:, 0])
+        assert known.sum() > 100
+        assert np.array_equal(got[known].view(np.uint32), twin.infer(x[known], stage, LSB_DPS, -78.0).view(np.uint32))
+
+
+def test_a_network_whose_sums_do_not_fit_is_not_exported(exported: Path) -> None:
+    import onnx
+
+    from gyrocal_export.gyrocal_header import tables
+
+    for layer in ("second.bias", "start", "last.bias"):
+        model = onnx.load(exported / "model.int8.onnx")
+        (bias,) = (i for i in model.graph.initializer if i.name == layer)
+        spoilt = onnx.numpy_helper.to_array(bias).copy()
+        spoilt.ravel()[0] = 1e9
+        bias.CopyFrom(onnx.numpy_helper.from_array(spoilt, layer))
+        with pytest.raises(InputError, match="does not fit 32 bits"):
+            tables(model, "model.int8.onnx")
 
 
 def test_a_run_folder_says_how_it_was_made(run: Path) -> None:

@@ -40,5 +40,10 @@ def run(
             f"{found['windows']} windows: C and onnxruntime differ by at most {found['max_abs_diff']:.3g}, "
             f"{found['max_diff_of_range']:.2g} of the output's range (allowed {found['tolerance']:g})"
         )
+        if found["integers_max_of_se"] is not None:
+            print(
+                f"In integers (GC_NET_FIXED) the answers of a face differ by at most {found['integers_max_of_se']:.2g} of "
+                f"their standard error, rms {found['integers_rms_of_se']:.2g}"
+            )
     if not found["ok"]:
         raise GyrocalError("the C core does not give the numbers of the graph: export both together")

@@ -20,6 +20,8 @@ from gyrocal_firmware import CORE, EMUL, INCLUDE
 HOSTED = ("--specs=picolibc.specs", "--oslib=semihost", "--crt0=hosted", "-D_POSIX_TIMERS", "-D_POSIX_MONOTONIC_CLOCK")
 FLAGS = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
 OPTIMISE = ("-O2",)
+SETTINGS = {"inference_gyrocal": "-DGC_NET_FIXED=0", "inference_gyrocal_fixed": "-DGC_NET_FIXED=1"}
+"""Settings of the core for the cost of a part; the others have the CPU's defaults."""
 BARE = ("-display", "none", "-monitor", "none", "-serial", "none", "-chardev", "stdio,id=console")
 TIMEOUT_S = 120
 
@@ -136,6 +138,8 @@ def cost(
     """
     file = part if isinstance(part, Path) else EMUL / "cost" / f"{part}.c"
     sources = sorted(CORE.rglob("*.c")) if sources is None else sources
+    if file.stem in SETTINGS:
+        flags = (*flags, SETTINGS[file.stem])
     measured = _count(cpu, file, sources, include_dirs, flags)
     empty = _count(cpu, EMUL / "cost" / "nothing.c", [], (), flags)
     what = " ".join(file.read_text().partition("*/")[0].removeprefix("/*").split())

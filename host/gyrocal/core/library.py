@@ -140,14 +140,15 @@ def build_core() -> Path:
     return build("core", core_sources(), [CORE], SHARED)
 
 
-def build_sim(include: Path = INCLUDE) -> Path:
+def build_sim(include: Path = INCLUDE, flags: Sequence[str] = ()) -> Path:
     """Compile the simulated device and return the path of the executable.
 
     Args:
         include: the folder of ``calibration.h`` and ``weights.h``; a header that is missing there is the shipped one.
+        flags: options added to ``FLAGS``.
     """
     folders = [include] if include == INCLUDE else [include, INCLUDE]
-    return build("sim", [*core_sources(), *sorted(SIM.glob("*.c"))], [*folders, CORE, SIM])
+    return build("sim", [*core_sources(), *sorted(SIM.glob("*.c"))], [*folders, CORE, SIM], flags)
 
 
 class Core:

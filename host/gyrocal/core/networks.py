@@ -32,7 +32,7 @@ class _Net(ctypes.Structure):
     )
 
 
-def _build_net(header: Path) -> ctypes.CDLL:
+def _build_net(header: Path, fixed: bool) -> ctypes.CDLL:
     try:
         text = header.read_text() if header.is_file() else None
     except (OSError, UnicodeDecodeError):
@@ -40,9 +40,10 @@ def _build_net(header: Path) -> ctypes.CDLL:
     if text is None:
         raise InputError(f"{header}: not a readable header; write one with `gyrocal export`")
     compiler()
-    sources = [CORE / "gc_cnn.c", CORE / "gc_convnet.c", CORE / "gc_math.c"]
+    sources = [CORE / f"gc_{name}.c" for name in ("cnn", "convnet", "convnet_fixed", "convnet_float", "math")]
+    flags = [*SHARED, f"-DGC_NET_FIXED={int(fixed)}"]
     try:
-        built = build("net", sources, [CORE], SHARED, {"weights.h": text, SHIM.name: SHIM.read_text()})
+        built = build("net", sources, [CORE], flags, {"weights.h": text, SHIM.name: SHIM.read_text()})
     except CacheError:
         raise
     except GyrocalError as error:
@@ -60,9 +61,9 @@ class _HeaderNetwork:
         table_dps: the table's rate that it was trained for.
     """
 
-    def __init__(self, header: Path, accessor: str, struct: type[ctypes.Structure]) -> None:
+    def __init__(self, header: Path, accessor: str, struct: type[ctypes.Structure], *, fixed: bool = False) -> None:
         self.source = str(header)
-        self._library = _build_net(header)
+        self._library = _build_net(header, fixed)
         function = self._library[accessor]
         function.restype = ctypes.POINTER(struct)
         self._pointer = function()
@@ -145,6 +146,10 @@ class _Convnet(ctypes.Structure):
 class CoreFaceNetwork(_HeaderNetwork):
     """Network `gyrocal` of a C header, run by the core on raw counts as the device runs it.
 
+    Args:
+        header: a ``weights.h`` as ``gyrocal export`` writes it; the shipped one by default.
+        fixed: True for the layers in integers (GC_NET_FIXED), False for those in float32.
+
     Attributes:
         unit_dps: the rate that is 1 in the network's own unit.
         column_range_dps: the largest difference between a column and the mean of the run in the training data.
@@ -154,8 +159,8 @@ class CoreFaceNetwork(_HeaderNetwork):
         InputError: the file does not exist or holds no such network.
     """
 
-    def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
-        super().__init__(header, "gyrocal_convnet", _Convnet)
+    def __init__(self, header: Path = INCLUDE / "weights.h", *, fixed: bool = False) -> None:
+        super().__init__(header, "gyrocal_convnet", _Convnet, fixed=fixed)
         library = self._library
         self.unit_dps: float = self._net.unit_dps
         self.column_range_dps: float = self._net.column_range_dps

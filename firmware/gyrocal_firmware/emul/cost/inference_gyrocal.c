@@ -1,4 +1,4 @@
-/* Network `gyrocal` on the raw counts of 6 s of two runs. */
+/* Network `gyrocal` on the raw counts of 6 s of two runs, its layers in float32. */
 #include "cost.h"
 #include "weights.h"
 

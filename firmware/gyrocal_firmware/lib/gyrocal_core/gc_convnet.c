@@ -1,4 +1,4 @@
-#include "gc_convnet.h"
+#include "gc_convnet_layers.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -6,44 +6,41 @@
 #include "gc_error.h"
 #include "gc_math.h"
 
-#define SECOND_A_PART 6u /* channels of the second layer that are done at once, */
-#define THIRD_A_PART 12u /* neurons of the third */
-
-static uint32_t columns_of(const gc_convnet_t *net, unsigned stage) {
+uint32_t gc_convnet_columns(const gc_convnet_t *net, unsigned stage) {
     return net->stage_columns * (stage + 1u);
 }
 
 uint32_t gc_convnet_samples(const gc_convnet_t *net, unsigned stage) {
-    return net->pool * columns_of(net, stage);
+    return net->pool * gc_convnet_columns(net, stage);
 }
 
-static uint32_t first_times(const gc_convnet_t *net, unsigned stage) {
-    return columns_of(net, stage) - net->first.kernel + 1u;
+uint32_t gc_convnet_first_times(const gc_convnet_t *net, unsigned stage) {
+    return gc_convnet_columns(net, stage) - net->first.kernel + 1u;
 }
 
-static uint32_t second_times(const gc_convnet_t *net, unsigned stage) {
-    return (first_times(net, stage) - net->second.kernel + 1u) / net->second.pool;
+uint32_t gc_convnet_second_times(const gc_convnet_t *net, unsigned stage) {
+    return (gc_convnet_first_times(net, stage) - net->second.kernel + 1u) / net->second.pool;
 }
 
 static bool fits(const gc_convnet_t *net) {
     const unsigned last = GC_CONVNET_STAGES - 1u;
-    return columns_of(net, last) <= GC_CONVNET_MAX_COLUMNS && net->hidden <= GC_CONVNET_MAX_HIDDEN &&
-           net->first.channels * first_times(net, last) <= GC_CONVNET_MAX_ROWS &&
-           net->second.channels * second_times(net, last) <= GC_CONVNET_MAX_FEATURES &&
+    return gc_convnet_columns(net, last) <= GC_CONVNET_MAX_COLUMNS && net->hidden <= GC_CONVNET_MAX_HIDDEN &&
+           net->first.channels * gc_convnet_first_times(net, last) <= GC_CONVNET_MAX_ROWS &&
+           net->second.channels * gc_convnet_second_times(net, last) <= GC_CONVNET_MAX_FEATURES &&
            net->first.kernel <= GC_CONVNET_MAX_TAPS && net->first.channels * net->second.kernel <= GC_CONVNET_MAX_TAPS &&
-           net->first.channels * net->second.kernel * second_times(net, last) <= GC_CONVNET_MAX_SUMS;
+           net->first.channels * net->second.kernel * gc_convnet_second_times(net, last) <= GC_CONVNET_MAX_SUMS;
 }
 
-/* columns: means of the counts less the mean of all of them, in units; the mean in counts. GC_OK or GC_E_NET_RANGE. */
-static int find_columns(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double sign, double lsb_dps,
-                        float *columns, double *mean) {
-    const uint32_t n_columns = columns_of(net, stage);
+/* Finds the columns and the mean (counts). Returns GC_OK or GC_E_NET_RANGE. */
+static int find_columns(const gc_convnet_t *net, const int16_t *counts, double sign, double lsb_dps, gc_convnet_work_t *work,
+                        double *mean) {
+    const uint32_t n_columns = gc_convnet_columns(net, work->stage);
     const int32_t pool = (int32_t)net->pool;
-    const double n = (double)gc_convnet_samples(net, stage);
-    int32_t sums[GC_CONVNET_MAX_COLUMNS];
+    const int32_t n = (int32_t)gc_convnet_samples(net, work->stage);
+    int64_t off[GC_CONVNET_MAX_COLUMNS]; /* column - mean in counts times a divisor */
     int32_t total = 0;
-    int32_t off_column = 0; /* the largest |sample - column|, and below |column - mean|, in counts times a divisor */
-    double off_mean = 0.0;
+    int32_t off_column = 0; /* the largest |sample - column| in counts times the pool */
+    int64_t off_mean = 0;   /* the largest |off| */
     for (uint32_t i = 0; i < n_columns; i++, counts += pool) {
         int32_t sum = 0;
         int32_t least = counts[0];
@@ -56,153 +53,22 @@ static int find_columns(const gc_convnet_t *net, const int16_t *counts, unsigned
         }
         off_column = most * pool - sum > off_column ? most * pool - sum : off_column;
         off_column = sum - least * pool > off_column ? sum - least * pool : off_column;
-        sums[i] = sum;
+        off[i] = (int64_t)sum * n;
         total += sum;
     }
-    const double gain = sign * lsb_dps / (n * (double)net->pool * (double)net->unit_dps);
     for (uint32_t i = 0; i < n_columns; i++) {
-        const double off = (double)sums[i] * n - (double)total * (double)pool; /* exact */
-        off_mean = fabs(off) > off_mean ? fabs(off) : off_mean;
-        columns[i] = (float)(gain * off);
+        off[i] -= (int64_t)total * pool;
+        off_mean = off[i] > off_mean ? off[i] : -off[i] > off_mean ? -off[i] : off_mean;
     }
-    *mean = (double)total / n;
+    *mean = (double)total / (double)n;
+    const double divisor = (double)pool * (double)n;
     const bool in_range = lsb_dps * (double)off_column <= (double)net->sample_range_dps * (double)pool &&
-                          lsb_dps * off_mean <= (double)net->column_range_dps * (double)pool * n;
-    return in_range ? GC_OK : GC_E_NET_RANGE;
-}
-
-static float leaky(float y, float leak) {
-    return y < 0.0f ? leak * y : y;
-}
-
-/* Four sums of every fourth product: partial sums stay smaller than in one, and so does their rounding. */
-static float dot(const int8_t *code, const float *x, uint32_t n) {
-    float sum[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-    uint32_t i = 0;
-    for (; i + 4u <= n; i += 4u) {
-        sum[0] += (float)code[i] * x[i];
-        sum[1] += (float)code[i + 1u] * x[i + 1u];
-        sum[2] += (float)code[i + 2u] * x[i + 2u];
-        sum[3] += (float)code[i + 3u] * x[i + 3u];
+                          lsb_dps * (double)off_mean <= (double)net->column_range_dps * divisor;
+    if (!in_range) {
+        return GC_E_NET_RANGE;
     }
-    for (; i < n; i++) {
-        sum[0] += (float)code[i] * x[i];
-    }
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
-static float neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *x, uint32_t n) {
-    return layer->bias[i] + layer->step[i] * dot(layer->code + i * n, x, n);
-}
-
-/* The weights of a kernel, unpacked once for all times. */
-static void unpack(const int8_t *code, uint32_t n, float *weight) {
-    for (uint32_t i = 0; i < n; i++) {
-        weight[i] = (float)code[i];
-    }
-}
-
-static float dot_unpacked(const float *weight, const float *x, uint32_t n) {
-    float sum[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-    uint32_t i = 0;
-    for (; i + 4u <= n; i += 4u) {
-        sum[0] += weight[i] * x[i];
-        sum[1] += weight[i + 1u] * x[i + 1u];
-        sum[2] += weight[i + 2u] * x[i + 2u];
-        sum[3] += weight[i + 3u] * x[i + 3u];
-    }
-    for (; i < n; i++) {
-        sum[0] += weight[i] * x[i];
-    }
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
-/* rows [channels][times] */
-static void convolve_columns(const gc_convnet_t *net, const float *columns, uint32_t times, float *rows) {
-    const gc_cnn_layer_t *layer = &net->first_layer;
-    float weight[GC_CONVNET_MAX_TAPS];
-    for (uint32_t c = 0; c < net->first.channels; c++) {
-        unpack(layer->code + c * net->first.kernel, net->first.kernel, weight);
-        for (uint32_t t = 0; t < times; t++) {
-            const float sum = dot_unpacked(weight, columns + t, net->first.kernel);
-            *rows++ = leaky(layer->bias[c] + layer->step[c] * sum, net->leak);
-        }
-    }
-}
-
-/* The second convolution and its pool are one: a convolution of sums [times][taps] over the pool. */
-static void add_over_pool(const gc_convnet_t *net, const float *rows, unsigned stage, float *sums) {
-    const gc_cnn_conv_t *conv = &net->second;
-    const uint32_t row_times = first_times(net, stage);
-    const uint32_t taps = net->first.channels * conv->kernel;
-    for (uint32_t t = 0; t < second_times(net, stage); t++) {
-        for (uint32_t i = 0; i < taps; i++) {
-            const float *row = rows + i / conv->kernel * row_times + t * conv->pool + i % conv->kernel;
-            float sum = 0.0f;
-            for (uint32_t p = 0; p < conv->pool; p++) {
-                sum += row[p]; /* NOLINT(clang-analyzer-core.uninitialized.Assign): gyrocal_check bounds what is read */
-            }
-            *sums++ = sum;
-        }
-    }
-}
-
-static void go_through_first(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t *work) {
-    float rows[GC_CONVNET_MAX_ROWS];
-    convolve_columns(net, work->columns, first_times(net, stage), rows);
-    add_over_pool(net, rows, stage, work->sums);
-}
-
-static uint32_t least(uint32_t a, uint32_t b) {
-    return a < b ? a : b;
-}
-
-/* features [times][channels] */
-static void go_through_second(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t *work) {
-    const gc_cnn_layer_t *layer = &net->second_layer;
-    const uint32_t channels = net->second.channels;
-    const uint32_t taps = net->first.channels * net->second.kernel;
-    const uint32_t until = least(work->channels + SECOND_A_PART, channels);
-    float weight[GC_CONVNET_MAX_TAPS];
-    for (uint32_t c = work->channels; c < until; c++) {
-        unpack(layer->code + c * taps, taps, weight);
-        for (uint32_t t = 0; t < second_times(net, stage); t++) {
-            const float sum = dot_unpacked(weight, work->sums + t * taps, taps);
-            work->features[t * channels + c] = leaky(layer->bias[c] + layer->step[c] * sum, net->leak);
-        }
-    }
-    work->channels = until;
-}
-
-static void go_through_third(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t *work) {
-    const gc_cnn_layer_t *layer = &net->third_layer;
-    const uint32_t all = second_times(net, GC_CONVNET_STAGES - 1u) * net->second.channels;
-    const uint32_t seen = second_times(net, stage) * net->second.channels;
-    const uint32_t until = least(work->hidden + THIRD_A_PART, net->hidden);
-    for (uint32_t i = work->hidden; i < until; i++) {
-        const float sum = dot(layer->code + i * all, work->features, seen);
-        work->third[i] = leaky(layer->bias[stage * net->hidden + i] + layer->step[i] * sum, net->leak);
-    }
-    work->hidden = until;
-}
-
-static float within(float x, float limit) {
-    return x > limit ? limit : x < -limit ? -limit : x;
-}
-
-static void conclude(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t *work) {
-    const float *straight = net->straight + stage * columns_of(net, GC_CONVNET_STAGES - 1u);
-    float fourth[GC_CONVNET_MAX_HIDDEN];
-    float line = 0.0f;
-    for (uint32_t i = 0; i < net->hidden; i++) {
-        fourth[i] = leaky(neuron(&net->fourth_layer, i, work->third, net->hidden), net->leak);
-    }
-    for (uint32_t i = 0; i < columns_of(net, stage); i++) {
-        line += straight[i] * work->columns[i];
-    }
-    const float log_precision = neuron(&net->last_layer, 1, fourth, net->hidden);
-    work->out[0] = line + neuron(&net->last_layer, 0, fourth, net->hidden);
-    work->out[1] = within(log_precision, net->log_precision);
+    gc_convnet_set_columns(net, work, off, sign * lsb_dps / (divisor * (double)net->unit_dps));
+    return GC_OK;
 }
 
 int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
@@ -217,35 +83,30 @@ int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned st
     if (!(lsb_dps > 0.0)) {
         return GC_E_NET_RANGE;
     }
-    work->convolved = false;
-    work->channels = 0;
-    work->hidden = 0;
+    work->parts = 0;
     work->stage = stage;
     work->w_dps = w_dps;
     double mean = 0.0;
-    const int error = find_columns(net, counts, stage, sign, lsb_dps, work->columns, &mean);
+    const int error = find_columns(net, counts, sign, lsb_dps, work, &mean);
     work->mean_dps = lsb_dps * mean - w_dps;
     return error;
 }
 
+static float within(float x, float limit) {
+    return x > limit ? limit : x < -limit ? -limit : x;
+}
+
 bool gc_convnet_go_on(const gc_convnet_t *net, gc_convnet_work_t *work, gc_convnet_face_t *face) {
-    if (!work->convolved) {
-        go_through_first(net, work->stage, work);
-        work->convolved = true;
-    } else if (work->channels < net->second.channels) {
-        go_through_second(net, work->stage, work);
-    } else if (work->hidden < net->hidden) {
-        go_through_third(net, work->stage, work);
-    } else {
-        conclude(net, work->stage, work);
-        const double unit_dps = (double)net->unit_dps;
-        const double sign = work->w_dps < 0.0 ? -1.0 : 1.0;
-        face->w_dps = work->w_dps;
-        face->u_dps = work->mean_dps + sign * unit_dps * (double)work->out[0];
-        face->precision = (double)gc_exp(work->out[1]) / (unit_dps * unit_dps);
-        return true;
+    if (!gc_convnet_next_part(net, work)) {
+        return false;
     }
-    return false;
+    work->out[1] = within(work->out[1], net->log_precision);
+    const double unit_dps = (double)net->unit_dps;
+    const double sign = work->w_dps < 0.0 ? -1.0 : 1.0;
+    face->w_dps = work->w_dps;
+    face->u_dps = work->mean_dps + sign * unit_dps * (double)work->out[0];
+    face->precision = (double)gc_exp(work->out[1]) / (unit_dps * unit_dps);
+    return true;
 }
 
 int gc_convnet_face(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,

@@ -5,9 +5,10 @@
  * distribution of scale and bias, because two faces and the priors of calibration.h are combined in closed form. One set of
  * weights serves 2, 4 and 6 s.
  *
- * The numbers are those of the quantised ONNX graph that the table was made from (int8 weights, float32 activations) to float
- * rounding, and the same bits on every CPU: the order of sums is fixed. Means and the merge are in double, sums of raw counts in
- * integers, so that a constant added to the readings is added to u.
+ * The layers are computed in float32, or with GC_NET_FIXED in integers. In float32 the numbers are those of the quantised ONNX
+ * graph that the table was made from (int8 weights, float32 activations) to float rounding; in integers they differ from these by
+ * some hundredths of the answer's standard error (docs/network.md). Both are the same bits on every CPU: the order of sums is
+ * fixed. Means and the merge are in double, sums of raw counts in integers, so that a constant added to the readings is added to u.
  */
 #ifndef GC_CONVNET_H
 #define GC_CONVNET_H
@@ -15,6 +16,15 @@
 #include "gc_baseline.h"
 #include "gc_calibration.h"
 #include "gc_cnn.h"
+
+/* 1: layers in integers, 0: in float32. By default in integers where the CPU has no FPU. */
+#ifndef GC_NET_FIXED
+#if (defined(__riscv) && !defined(__riscv_flen)) || (defined(__arm__) && !defined(__ARM_FP)) || defined(__XTENSA_SOFT_FLOAT__)
+#define GC_NET_FIXED 1
+#else
+#define GC_NET_FIXED 0
+#endif
+#endif
 
 #ifdef __cplusplus
 extern "C" {
@@ -28,6 +38,21 @@ extern "C" {
 #define GC_CONVNET_MAX_SUMS 320u  /* of the second convolution: taps x times */
 #define GC_CONVNET_MAX_HIDDEN 64u
 
+#if GC_NET_FIXED
+typedef int32_t gc_convnet_number_t;
+
+/* An output is (start + sum of code * input) * gain / 2^32, rounded down. The start holds the bias and half an output, so that the
+ * output is rounded to the nearest. The export proves that no input within the network's range lets a sum overflow. */
+typedef struct gc_convnet_layer {
+    const int8_t *code;  /* as in gc_cnn_layer_t */
+    const int32_t *gain; /* the last layer has none: its sums are its outputs */
+    const int32_t *start;
+} gc_convnet_layer_t;
+#else
+typedef float gc_convnet_number_t;
+typedef gc_cnn_layer_t gc_convnet_layer_t;
+#endif
+
 /* The first convolution's taps are `pool` samples apart: with its average pool it is a convolution over means of `pool` samples,
  * the columns. The second one's own pool is in `second`. */
 typedef struct gc_convnet {
@@ -37,19 +62,27 @@ typedef struct gc_convnet {
     float unit_dps;         /* columns are in this unit */
     float column_range_dps; /* the largest |column - mean| of the training data, */
     float sample_range_dps; /* and |sample - column| that is accepted */
-    float leak;             /* LeakyReLU's slope below zero */
     float log_precision;    /* the largest */
     uint32_t pool;
     uint32_t stage_columns; /* columns of 2 s */
     gc_cnn_conv_t first;    /* `columns`: of its outputs after 6 s, as of the second */
     gc_cnn_conv_t second;
     uint32_t hidden; /* neurons in each of the two layers behind the convolutions */
+#if GC_NET_FIXED
+    int32_t leak;               /* LeakyReLU's slope below zero times 2^15 */
+    float columns_a_unit;       /* what a column of one unit becomes */
+    const int16_t *straight;    /* [stages][columns]: the linear part of the correction, */
+    const float *straight_step; /* the unit's part that one is at each stage, */
+    const float *last_step;     /* and in each of the last layer's sums */
+#else
+    float leak;            /* LeakyReLU's slope below zero */
     const float *straight; /* [stages][columns]: the linear part of the correction */
-    gc_cnn_layer_t first_layer;
-    gc_cnn_layer_t second_layer;
-    gc_cnn_layer_t third_layer; /* codes [hidden][times][channels], biases [stages][hidden] */
-    gc_cnn_layer_t fourth_layer;
-    gc_cnn_layer_t last_layer;
+#endif
+    gc_convnet_layer_t first_layer;
+    gc_convnet_layer_t second_layer;
+    gc_convnet_layer_t third_layer; /* codes [hidden][times][channels], biases [stages][hidden] */
+    gc_convnet_layer_t fourth_layer;
+    gc_convnet_layer_t last_layer;
 } gc_convnet_t;
 
 /* The estimate of u = w scale + bias from one face. */
@@ -61,15 +94,13 @@ typedef struct {
 
 typedef struct {
     unsigned stage;
-    bool convolved;    /* the first layer is done, */
-    uint32_t channels; /* so many channels of the second, */
-    uint32_t hidden;   /* so many neurons of the third */
+    uint32_t parts; /* that are done */
     double w_dps;
     double mean_dps; /* of measured - true rate */
-    float columns[GC_CONVNET_MAX_COLUMNS];
-    float sums[GC_CONVNET_MAX_SUMS];
-    float features[GC_CONVNET_MAX_FEATURES];
-    float third[GC_CONVNET_MAX_HIDDEN];
+    gc_convnet_number_t columns[GC_CONVNET_MAX_COLUMNS];
+    gc_convnet_number_t sums[GC_CONVNET_MAX_SUMS]; /* over the second convolution's pool */
+    gc_convnet_number_t features[GC_CONVNET_MAX_FEATURES];
+    gc_convnet_number_t third[GC_CONVNET_MAX_HIDDEN];
     float out[2]; /* the correction, in units, and the logarithm of its precision */
 } gc_convnet_work_t;
 
