@@ -1,0 +1,84 @@
+"""Addresses of devices in a network: ``tcp://HOST:PORT``, with the token that the device wants, or ``socket://HOST:PORT``.
+
+The token is ``?token=...`` behind the address, or the environment variable ``GYROCAL_TOKEN``, so that it does not stand in the
+shell's history.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from urllib.parse import parse_qs, urlsplit
+
+from gyrocal.errors import DeviceError
+
+TOKEN_VARIABLE = "GYROCAL_TOKEN"
+TCP_PORT = 4242
+"""The port of a board, if the address names none (GC_WIFI_PORT)."""
+TOKEN_LENGTHS = range(16, 65)
+"""Characters of a token (GC_TOKEN_MIN, GC_TOKEN_MAX)."""
+WITH_TOKEN, WITHOUT_TOKEN = "tcp", "socket"
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a device listens. ``token`` is empty where it wants none."""
+
+    host: str
+    port: int
+    token: str = ""
+
+    @classmethod
+    def parse(cls, name: str) -> Address:
+        """Read a port's name. Raises DeviceError that says how it is written, or that its token is missing."""
+        shown = without_token(name)
+        try:
+            url = urlsplit(name)
+            host, port = url.hostname, url.port
+        except ValueError:
+            raise _unwritten(shown) from None
+        if url.scheme == WITHOUT_TOKEN:
+            if not host or not port or url.query:
+                raise _unwritten(shown)
+            return cls(host, port)
+        if not host or port == 0:
+            raise _unwritten(shown)
+        return cls(host, port or TCP_PORT, _token(shown, url.query))
+
+
+def is_address(name: str) -> bool:
+    """True for the name of a port in a network."""
+    return name.startswith((f"{WITH_TOKEN}://", f"{WITHOUT_TOKEN}://"))
+
+
+def without_token(name: str) -> str:
+    """A port's name as it may be shown."""
+    return name.partition("?")[0] if is_address(name) else name
+
+
+def is_token(text: str) -> bool:
+    """True for a text that a device takes as its token."""
+    return len(text) in TOKEN_LENGTHS and text.isascii() and text.isprintable() and " " not in text
+
+
+def _token(shown: str, query: str) -> str:
+    try:
+        given = parse_qs(query, keep_blank_values=True, strict_parsing=bool(query))
+    except ValueError:
+        given = {"": [""]}
+    if set(given) - {"token"} or len(given.get("token", [])) > 1:
+        raise _unwritten(shown)
+    token = given["token"][0] if given else os.environ.get(TOKEN_VARIABLE, "")
+    if not token:
+        how = f"export {TOKEN_VARIABLE}=... first, or write '{shown}?token=...'"
+        raise DeviceError(f"{shown}: this device wants its token: {how}")
+    if not is_token(token):
+        least, most = TOKEN_LENGTHS[0], TOKEN_LENGTHS[-1]
+        raise DeviceError(f"{shown}: a token has {least} to {most} characters and no spaces; `gyrocal wifi` makes one")
+    return token
+
+
+def _unwritten(shown: str) -> DeviceError:
+    scheme = shown.partition(":")[0]
+    example = "socket://127.0.0.1:5000" if scheme == WITHOUT_TOKEN else f"tcp://192.168.1.7:{TCP_PORT}"
+    return DeviceError(f"{shown}: write {scheme}://HOST:PORT, for example {example}")
