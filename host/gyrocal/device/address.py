@@ -56,6 +56,13 @@ def without_token(name: str) -> str:
     return name.partition("?")[0] if is_address(name) else name
 
 
+def keep_token(name: str) -> str:
+    """A port's name without its token, which ports that this process and its own ones open later are given all the same."""
+    if name != without_token(name):
+        os.environ[TOKEN_VARIABLE] = Address.parse(name).token
+    return without_token(name)
+
+
 def is_token(text: str) -> bool:
     """True for a text that a device takes as its token."""
     return len(text) in TOKEN_LENGTHS and text.isascii() and text.isprintable() and " " not in text
