@@ -275,16 +275,21 @@ class Link:
 
     def send(self, text: str) -> None:
         """Send one command without waiting for its answer."""
-        self._write(text.encode("ascii") + b"\n")
+        self._write(text.encode() + b"\n")
 
-    def command(self, text: str, timeout_s: float = ANSWER_S) -> Sentence:
+    def command(self, text: str, timeout_s: float = ANSWER_S, *, secret: str = "") -> Sentence:
         """Send one command and return its ``$ACK``. This and all others are kept for :meth:`receive`, so that none seems lost.
+
+        Args:
+            text: the command.
+            timeout_s: how long to wait for the answer.
+            secret: what is sent behind ``text`` and shown in no message.
 
         Raises:
             DeviceError: the device refused, with its own advice in the message, or it did not answer.
         """
         word = text.split()[0]
-        self.send(text)
+        self.send(text + secret)
         deadline = time.monotonic() + timeout_s
         why = "no answer"
         kept, self._kept = self._kept, []
