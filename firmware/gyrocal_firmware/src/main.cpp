@@ -1,4 +1,5 @@
 /* The port of the core to the ESP32. It finds the sensors, starts a task for each, forwards commands and sets the LED. */
+#include "ble.h"
 #include "board.h"
 #include "i2c_bus.h"
 #include "output.h"
@@ -189,6 +190,7 @@ void loop() {
     static uint32_t looked_ms = 0;
     hear_cable();
     wifi_step(forward);
+    ble_step(forward);
     if (millis() - looked_ms >= LOOK_EVERY_MS) {
         looked_ms = millis();
         look_again();

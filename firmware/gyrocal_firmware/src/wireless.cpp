@@ -52,6 +52,13 @@ void wifi_begin() {
     flash.begin("board");
     gc_wifi_load(&kept, &store);
     is_changed = true;
+    uint8_t mac[6] = {};
+    WiFi.macAddress(mac);
+    snprintf(host, sizeof host, "gyrocal-%02x%02x%02x", mac[3], mac[4], mac[5]);
+}
+
+const char *wifi_host() {
+    return host;
 }
 
 const char *wifi_token() {
@@ -187,15 +194,7 @@ static bool open_server() {
            lwip_fcntl(server, F_SETFL, O_NONBLOCK) == 0;
 }
 
-/* So that two boards have two names. */
-static void name_host() {
-    uint8_t mac[6] = {};
-    WiFi.macAddress(mac);
-    snprintf(host, sizeof host, "gyrocal-%02x%02x%02x", mac[3], mac[4], mac[5]);
-}
-
 static void join() {
-    name_host();
     WiFi.persistent(false); /* what is kept is kept here */
     WiFi.setHostname(host);
     WiFi.mode(WIFI_STA);

@@ -9,8 +9,9 @@
 void wifi_begin();
 /* Of the main loop: joins, serves, passes commands on; never waits for the network. */
 void wifi_step(radio_command_t command);
-/* The token that is kept; empty if there is none. */
+/* Of the main loop: the token that is kept, empty if there is none; the name of this board, which no other one has. */
 const char *wifi_token();
+const char *wifi_host();
 
 /* The callbacks `wifi` and `wifi_state` of gc_port.h. Any task may call them. */
 int wifi_obey(void *context, gc_wifi_word_t word, const char *text, size_t n);

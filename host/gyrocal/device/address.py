@@ -1,4 +1,4 @@
-"""Addresses of devices in a network: ``tcp://HOST:PORT``, with the token that the device wants, or ``socket://HOST:PORT``.
+"""Addresses of devices without a cable: ``tcp://HOST:PORT`` and ``ble://NAME``, which want a token, and ``socket://HOST:PORT``.
 
 The token is ``?token=...`` behind the address, or the environment variable ``GYROCAL_TOKEN``, so that it does not stand in the
 shell's history.
@@ -17,12 +17,12 @@ TCP_PORT = 4242
 """The port of a board, if the address names none (GC_WIFI_PORT)."""
 TOKEN_LENGTHS = range(16, 65)
 """Characters of a token (GC_TOKEN_MIN, GC_TOKEN_MAX)."""
-WITH_TOKEN, WITHOUT_TOKEN = "tcp", "socket"
+WITH_TOKEN, WITHOUT_TOKEN, BLE = "tcp", "socket", "ble"
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a device listens. ``token`` is empty where it wants none."""
+    """Where a device listens in a network. ``token`` is empty where it wants none."""
 
     host: str
     port: int
@@ -43,12 +43,12 @@ class Address:
             return cls(host, port)
         if not host or port == 0:
             raise _unwritten(shown)
-        return cls(host, port or TCP_PORT, _token(shown, url.query))
+        return cls(host, port or TCP_PORT, token_of(name))
 
 
 def is_address(name: str) -> bool:
-    """True for the name of a port in a network."""
-    return name.startswith((f"{WITH_TOKEN}://", f"{WITHOUT_TOKEN}://"))
+    """True for the name of a port without a cable."""
+    return name.startswith((f"{WITH_TOKEN}://", f"{WITHOUT_TOKEN}://", f"{BLE}://"))
 
 
 def without_token(name: str) -> str:
@@ -56,19 +56,9 @@ def without_token(name: str) -> str:
     return name.partition("?")[0] if is_address(name) else name
 
 
-def keep_token(name: str) -> str:
-    """A port's name without its token, which ports that this process and its own ones open later are given all the same."""
-    if name != without_token(name):
-        os.environ[TOKEN_VARIABLE] = Address.parse(name).token
-    return without_token(name)
-
-
-def is_token(text: str) -> bool:
-    """True for a text that a device takes as its token."""
-    return len(text) in TOKEN_LENGTHS and text.isascii() and text.isprintable() and " " not in text
-
-
-def _token(shown: str, query: str) -> str:
+def token_of(name: str) -> str:
+    """The token in a port's name, or that of the environment. Raises DeviceError if there is none that a device takes."""
+    shown, query = without_token(name), name.partition("?")[2]
     try:
         given = parse_qs(query, keep_blank_values=True, strict_parsing=bool(query))
     except ValueError:
@@ -85,7 +75,21 @@ def _token(shown: str, query: str) -> str:
     return token
 
 
+def keep_token(name: str) -> str:
+    """A port's name without its token, which ports that this process and its own ones open later are given all the same."""
+    if name != without_token(name):
+        os.environ[TOKEN_VARIABLE] = token_of(name)
+    return without_token(name)
+
+
+def is_token(text: str) -> bool:
+    """True for a text that a device takes as its token."""
+    return len(text) in TOKEN_LENGTHS and text.isascii() and text.isprintable() and " " not in text
+
+
 def _unwritten(shown: str) -> DeviceError:
     scheme = shown.partition(":")[0]
-    example = "socket://127.0.0.1:5000" if scheme == WITHOUT_TOKEN else f"tcp://192.168.1.7:{TCP_PORT}"
-    return DeviceError(f"{shown}: write {scheme}://HOST:PORT, for example {example}")
+    form, example = {
+        WITHOUT_TOKEN: ("socket://HOST:PORT", "socket://127.0.0.1:5000"), BLE: ("ble://NAME", "ble://gyrocal-1a2b3c")
+    }.get(scheme, ("tcp://HOST:PORT", f"tcp://192.168.1.7:{TCP_PORT}"))  # fmt: skip
+    return DeviceError(f"{shown}: write {form}, for example {example}")

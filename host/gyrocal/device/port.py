@@ -1,4 +1,4 @@
-"""A device at a port: a serial device, a pseudo terminal, ``tcp://host:port`` by Wi-Fi, or ``socket://host:port``.
+"""A device at a port: a serial device, a pseudo terminal, ``tcp://host:port``, ``ble://name``, or ``socket://host:port``.
 
 The other modules use :class:`Link`, which receives sentences and sends commands. Opening a serial port may reset the board,
 so the host waits for the device's hello before it sends anything else.
@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-from gyrocal.device.address import TOKEN_VARIABLE, Address, is_address, without_token
+from gyrocal.device.address import BLE, TOKEN_VARIABLE, Address, is_address, without_token
 from gyrocal.device.wire import PROTOCOL, Reader, Sentence
 from gyrocal.errors import DeviceError
 
@@ -151,6 +151,10 @@ def _notice_silence(connection: socket.socket) -> None:
 
 def open_port(name: str, baud: int = BAUD) -> Port:
     """Open a serial device, a pseudo terminal, an address, or a URL that pyserial knows. Raises DeviceError if that fails."""
+    if name.startswith(f"{BLE}://"):
+        from gyrocal.device.ble import BlePort
+
+        return BlePort(name)
     return SocketPort(name) if is_address(name) else SerialPort(name, baud)
 
 

@@ -14,6 +14,7 @@
  *     network [NAME [PASSWORD]]     the wireless network that is there; none without a name
  *     reader I WORD [TEXT]          reader I comes by TCP, says TEXT and a newline, types TEXT without one, stalls (takes nothing any
  *                                   more), goes on, leaves
+ *     ble WORD [TEXT]               a reader by Bluetooth comes [MTU], says TEXT, stalls (its link is congested), goes on, leaves
  *     reset N                       the reason of the board's last reset (esp_system.h), 1 if not told
  *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins),
  *                                   nvs (free page in its flash)
@@ -64,6 +65,9 @@ void obey_script() {
         } else if (word == "reader") {
             line >> i >> word;
             act_as_reader(i, word, line);
+        } else if (word == "ble") {
+            line >> word;
+            act_by_bluetooth(word, line);
         } else if (word == "pins") {
             wire_to(line);
         } else if (line >> i && i < CHIPS) {

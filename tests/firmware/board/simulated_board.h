@@ -39,6 +39,9 @@ void set_world(unsigned i, std::istream &counts);
 void set_network(std::istream &words);
 void act_as_reader(unsigned i, const std::string &word, std::istream &words);
 
+/* bluetooth.cpp: the same by Bluetooth. */
+void act_by_bluetooth(const std::string &word, std::istream &words);
+
 /* flash.cpp, serial.cpp: the file that keeps the flash; text typed by the person at the port. */
 void read_flash(const char *path);
 void type(const std::string &text);
