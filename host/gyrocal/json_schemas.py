@@ -15,6 +15,7 @@ from typing_extensions import TypedDict
 
 from gyrocal.calibration.calibrate import Estimate
 from gyrocal.device.run_writer import Recorded
+from gyrocal.device.wifi import Network
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.fleet.history import Aging
 from gyrocal.fleet.missing import Missing
@@ -549,19 +550,6 @@ class Doctor(TypedDict):
     checks: list[CheckAnswer]
 
 
-class Wifi(TypedDict):
-    """``wifi``. ``url`` is the port to give to other verbs, empty until the board has joined; ``token`` what was set now."""
-
-    state: str
-    host: str
-    address: str
-    port: int
-    reader: bool
-    refused: int
-    url: str
-    token: str
-
-
 class Version(TypedDict):
     """``version``, with the version of every answer."""
 
@@ -579,7 +567,7 @@ ANSWERS: dict[str, tuple[Any, str]] = {
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
     "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.0"), "version": (Version, "1.0"),
-    "wifi": (Wifi, "1.0"),
+    "wifi": (derived(Network, url=str, token=str), "1.0"),
 }  # fmt: skip
 """The type and the version of the answer of each verb."""
 VERSIONS = {verb: version for verb, (_, version) in ANSWERS.items()}

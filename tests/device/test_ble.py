@@ -1,6 +1,7 @@
 """A board by Bluetooth, over a stand-in for the package bleak that carries packets to a simulated device over loopback."""
 
 import asyncio
+import inspect
 import sys
 import types
 from collections.abc import Callable
@@ -112,6 +113,24 @@ def test_commands_longer_than_a_packet_arrive(session: Session, monkeypatch: pyt
             link.command("set full_scale_dps " + "0" * 30 + "500")
             assert link.command("get full_scale_dps").real("full_scale_dps") == 500.0
     assert Client.longest_heard == 20
+
+
+def test_the_stand_in_is_called_as_the_package_is(
+    require_module: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "bleak")
+    require_module("bleak")
+    import bleak
+
+    def names(function: Callable[..., object]) -> set[str]:
+        return set(inspect.signature(function).parameters)
+
+    assert issubclass(bleak.exc.BleakError, Exception)
+    assert "timeout" in names(bleak.BleakScanner.find_device_by_filter)
+    assert "disconnected_callback" in names(bleak.BleakClient)
+    assert "response" in names(bleak.BleakClient.write_gatt_char)
+    for name in ("connect", "disconnect", "start_notify", "write_gatt_char"):
+        assert inspect.iscoroutinefunction(getattr(bleak.BleakClient, name))
 
 
 def test_what_bluetooth_refuses_says_what_to_do(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
