@@ -127,6 +127,11 @@ def test_what_no_network_has_is_refused_before_the_board_is_asked(
         assert says in capsys.readouterr().err
     assert main(["wifi", "--port", "socket://127.0.0.1:1", "--off", "--forget"]) == 2
     assert "give one of --join, --off and --forget" in capsys.readouterr().err
+    for words in (["--join", "lab"], ["--off"], ["--forget"]):
+        assert main(["wifi", "--port", f"tcp://127.0.0.1:1?token={TOKEN}", *words]) == 2
+        error = capsys.readouterr().err
+        assert "--port tcp://127.0.0.1:1: the board would cut this connection; give its serial port" in error
+        assert TOKEN not in error
 
 
 def test_a_device_without_wifi_says_so(session: Session, types: Type, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from gyrocal.commands import AsJson
 
 def run(
     port: Annotated[
-        str, typer.Option(help="The board's serial device, or auto: the first port where a device answers.")
+        str, typer.Option(help="The board's serial device, or auto: the first one where a device answers.")
     ] = "auto",
     name: Annotated[
         str | None,
@@ -27,7 +27,7 @@ def run(
     import os
 
     from gyrocal.device import wifi
-    from gyrocal.device.address import TOKEN_VARIABLE
+    from gyrocal.device.address import TOKEN_VARIABLE, wants_token, without_token
     from gyrocal.device.find import find_port
     from gyrocal.device.port import Link
     from gyrocal.errors import InputError
@@ -35,13 +35,15 @@ def run(
 
     if (name is not None) + off + forget > 1:
         raise InputError("give one of --join, --off and --forget")
+    if wants_token(port) and (name is not None or off or forget):
+        raise InputError(f"--port {without_token(port)}: the board would cut this connection; give its serial port")
     given = os.environ.get(TOKEN_VARIABLE, "")
     token = (given or wifi.new_token()) if name is not None else ""
     password = ""
     if name is not None:
         password = _password(name)
         wifi.check(name, password, token)
-    with Link(find_port(port)) as link:
+    with Link(find_port(port, network=None)) as link:
         link.greet()
         if name is not None:
             network = wifi.join(link, name, password, token)

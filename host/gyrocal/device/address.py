@@ -48,7 +48,12 @@ class Address:
 
 def is_address(name: str) -> bool:
     """True for the name of a port without a cable."""
-    return name.startswith((f"{WITH_TOKEN}://", f"{WITHOUT_TOKEN}://", f"{BLE}://"))
+    return wants_token(name) or name.startswith(f"{WITHOUT_TOKEN}://")
+
+
+def wants_token(name: str) -> bool:
+    """True for the name of a port by Wi-Fi or Bluetooth."""
+    return name.startswith((f"{WITH_TOKEN}://", f"{BLE}://"))
 
 
 def without_token(name: str) -> str:

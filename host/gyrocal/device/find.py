@@ -60,11 +60,13 @@ def find_port(
     name: str,
     *,
     ports: Callable[[], Sequence[str]] = serial_ports,
-    network: Callable[[], Sequence[str]] = announced_ports,
+    network: Callable[[], Sequence[str]] | None = announced_ports,
     opener: Callable[[str, int], Port] = open_port,
     baud: int = BAUD,
 ) -> str:
-    """``name`` itself, or for ``auto`` the first port at which a device answers a hello; the network is asked last.
+    """``name`` itself, or for ``auto`` the first port at which a device answers a hello.
+
+    ``network`` lists devices that are announced there, which are asked last; None for none.
 
     Raises:
         DeviceError: nothing is there, or no device answers; with what each port said.
@@ -73,7 +75,7 @@ def find_port(
         return name
     refusals = []
     for candidates in (ports, network):
-        for candidate in candidates():
+        for candidate in candidates() if candidates is not None else ():
             try:
                 with Link(candidate, baud=baud, opener=opener) as link:
                     link.greet()
@@ -82,5 +84,6 @@ def find_port(
                 refusals.append(str(error))
     if refusals:
         raise DeviceError("no gyrocal device answers: " + "; ".join(refusals))
-    heard = "and none is announced in this network" if _hears_announcements() else "by Wi-Fi: pip install 'gyrocal[wifi]'"
-    raise DeviceError(f"no serial port: plug the board in by a cable that carries data, or give --port; {heard}")
+    heard = "; none is announced in this network" if _hears_announcements() else "; by Wi-Fi: pip install 'gyrocal[wifi]'"
+    asked = heard if network is not None else ""
+    raise DeviceError(f"no serial port: plug the board in by a cable that carries data, or give --port{asked}")
