@@ -100,10 +100,11 @@ def test_who_says_nothing_holds_the_place_for_five_seconds(play_both: PlayBoth) 
 
 
 def test_a_second_reader_is_told_that_there_is_one(play_both: PlayBoth) -> None:
-    script = [*COMES, *enters(1.5, 1), says(1.7, "hello"), "2 reader 0 leaves"]
+    script = [*COMES, *enters(1.5, 1), says(1.5, "hello", 1), says(1.7, "hello"), "2 reader 0 leaves"]
     later = [*enters(2.5, 2), says(2.7, "hello", 2)]
     _, network = play_both([*BOARD, *OPEN, *script, *later], 3)
     assert f"1 # {BUSY_NOTE}\n1 closed\n" in network
+    assert "broken off" not in network
     for reader in (0, 2):
         assert [s.tag for s in heard(network, reader)[0]] == ["ACK", "HEL"]
 

@@ -18,6 +18,7 @@
 #define AGAIN_MS 15000u /* until a network that was not joined is tried again */
 #define PIECE_BYTES 1436 /* of a packet */
 #define BACKLOG 2
+#define LINGER_MS 1000u
 #define QUIET_S 5 /* a reader of whom nothing comes for so long is asked by TCP so many times, a second apart, */
 #define ASKS 3    /* whether it is there */
 
@@ -31,7 +32,8 @@ static gc_wifi_t used; /* by the main loop, as the rest */
 static bool is_on, is_joined;
 static uint32_t tried_ms;
 static char host[sizeof gc_wifi_state_t::host];
-static int server = -1, client = -1;
+static int server = -1, client = -1, leaving = -1;
+static uint32_t left_ms;
 
 struct Taken {
     Taken() { xSemaphoreTake(mutex, portMAX_DELAY); }
@@ -102,9 +104,27 @@ static void hang_up() {
     }
 }
 
-static void say_and_close(int socket, const char *note) {
+static bool would_wait() {
+    return errno == EWOULDBLOCK || errno == EAGAIN;
+}
+
+/* lwIP breaks a connection off that is closed with something unread, and the note would be lost. So the other side closes first, or
+   LINGER_MS pass. */
+static void linger(bool at_once) {
+    char data[64];
+    const int n = leaving >= 0 ? lwip_recv(leaving, data, sizeof data, MSG_DONTWAIT) : 0;
+    if (leaving >= 0 && (at_once || n == 0 || (n < 0 && !would_wait()) || millis() - left_ms >= LINGER_MS)) {
+        lwip_close(leaving);
+        leaving = -1;
+    }
+}
+
+static void turn_away(int socket, const char *note) {
+    linger(true);
     lwip_send(socket, note, strlen(note), MSG_DONTWAIT);
-    lwip_close(socket);
+    lwip_shutdown(socket, SHUT_WR);
+    leaving = socket;
+    left_ms = millis();
 }
 
 static void set(int socket, int level, int option, int value) {
@@ -117,7 +137,7 @@ static void accept_reader() {
         return;
     }
     if (!radio_connect()) {
-        say_and_close(comer, GC_REMOTE_BUSY_NOTE);
+        turn_away(comer, GC_REMOTE_BUSY_NOTE);
         return;
     }
     client = comer;
@@ -128,18 +148,15 @@ static void accept_reader() {
     set(client, IPPROTO_TCP, TCP_KEEPCNT, ASKS);
 }
 
-static bool would_wait() {
-    return errno == EWOULDBLOCK || errno == EAGAIN;
-}
-
 static void hear_reader(radio_command_t command) {
     char data[128];
     const int n = lwip_recv(client, data, sizeof data, MSG_DONTWAIT);
     if (n == 0 || (n < 0 && !would_wait())) {
         hang_up();
     } else if (n > 0 && !radio_hear(data, static_cast<size_t>(n), command)) {
-        lwip_send(client, GC_REMOTE_TOKEN_NOTE, sizeof GC_REMOTE_TOKEN_NOTE - 1u, MSG_DONTWAIT);
-        hang_up();
+        turn_away(client, GC_REMOTE_TOKEN_NOTE);
+        client = -1;
+        radio_disconnect();
     }
 }
 
@@ -159,6 +176,7 @@ static void tell_reader() {
 }
 
 static void serve(radio_command_t command) {
+    linger(false);
     accept_reader();
     if (client >= 0) {
         hear_reader(command);
@@ -173,6 +191,7 @@ static void serve(radio_command_t command) {
 
 static void close_all() {
     hang_up();
+    linger(true);
     if (server >= 0) {
         lwip_close(server);
         server = -1;

@@ -161,13 +161,23 @@ ssize_t lwip_send(int s, const void *data, size_t n, int) {
     return static_cast<ssize_t>(fits);
 }
 
+/* What stands unread breaks the connection off, and the reader does not get what it has not seen yet. */
 int lwip_close(int s) {
     if (s == SERVER) {
         serves = false;
-    } else {
-        fprintf(stderr, "%d closed\n", s);
-        readers[s].open = false;
+        return 0;
     }
+    if (!readers[s].says.empty()) {
+        fprintf(stderr, "%d broken off\n", s);
+    }
+    return lwip_shutdown(s, 0);
+}
+
+int lwip_shutdown(int s, int) {
+    if (readers[s].open) {
+        fprintf(stderr, "%d closed\n", s);
+    }
+    readers[s].open = false;
     return 0;
 }
 }

@@ -16,6 +16,7 @@ int lwip_setsockopt(int s, int level, int option, const void *value, socklen_t l
 int lwip_fcntl(int s, int command, int value);
 ssize_t lwip_recv(int s, void *data, size_t n, int flags);
 ssize_t lwip_send(int s, const void *data, size_t n, int flags);
+int lwip_shutdown(int s, int how);
 int lwip_close(int s);
 }
 
