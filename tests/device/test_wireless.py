@@ -122,6 +122,16 @@ def test_names_and_tokens_of_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Address.parse("tcp://a:1").token == TOKEN
 
 
+def test_the_page_never_sees_the_token(monkeypatch: pytest.MonkeyPatch, require_module: Callable[[str], None]) -> None:
+    require_module("nicegui")
+    served: list[object] = []
+    monkeypatch.setattr("gyrocal.web.server.serve", lambda *words, **more: served.extend(words))
+    monkeypatch.setenv("GYROCAL_TOKEN", OTHER)
+    assert main(["workbench", "--port", with_token("tcp://127.0.0.1:1"), "--no-browser"]) == 0
+    assert served[1] == "tcp://127.0.0.1:1"
+    assert Address.parse("tcp://127.0.0.1:1").token == TOKEN  # which the process that listens is given
+
+
 def test_a_second_reader_is_told_that_there_is_one(board: SimulatedDevice) -> None:
     with Link(with_token(board.port)) as first:
         first.greet()
