@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from device.wifi_board import WifiBoard
 from gyrocal.cli import command_modules, main
 from gyrocal.device.simulated import SimulatedDevice
 from make_runs import make_run, make_session
@@ -67,6 +68,7 @@ CASES = {
     "train": Case(("train s --epochs 1", "export --run runs/paper-0"), ("runs", "export")),
     "schema": Case(("schema compare",)),
     "version": Case(("version",)),
+    "wifi": Case(("wifi --port BOARD --join lab --json",), serves=True),
     "verify": Case(("verify --windows 60",), (), CORE),
 }
 ENDS_WITH_THE_DEVICE = 3
@@ -103,6 +105,10 @@ def watched(watched: Watched, sessions: Path) -> Watched:
 def port(request: pytest.FixtureRequest, sessions: Path) -> Iterator[str]:
     """The port of a simulated device, where the command line asks for one."""
     lines = CASES[request.getfixturevalue("verb")].lines
+    if any("BOARD" in line for line in lines):
+        with WifiBoard() as board:
+            yield board.port
+        return
     bench = any("BENCH" in line for line in lines)
     if not bench and not any("PORT" in line for line in lines):
         yield ""
@@ -153,11 +159,11 @@ def test_a_verb(
     for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
         require_module(module)
     for line in case.lines:
-        words = [port if word in ("PORT", "BENCH") else word for word in line.split()]
+        words = [port if word in ("PORT", "BENCH", "BOARD") else word for word in line.split()]
         program = f"{case.smaller}; from gyrocal.cli import main; raise SystemExit(main({words}))"
         process = watched.start(sys.executable, "-c", program) if case.smaller else watched.gyrocal(*words)
         told, _ = process.communicate(timeout=300)
-        expected = (0, A_CHECK_FAILED) if verb == "doctor" else (0, ENDS_WITH_THE_DEVICE) if port else (0,)
+        expected = {"doctor": (0, A_CHECK_FAILED), "wifi": (0,)}.get(verb, (0, ENDS_WITH_THE_DEVICE) if port else (0,))
         assert process.returncode in expected, told
     watched.check(case.makes, case.keeps, serves=case.serves)
 

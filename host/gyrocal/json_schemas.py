@@ -15,6 +15,7 @@ from typing_extensions import TypedDict
 
 from gyrocal.calibration.calibrate import Estimate
 from gyrocal.device.run_writer import Recorded
+from gyrocal.device.wifi import Network
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.fleet.history import Aging
 from gyrocal.fleet.missing import Missing
@@ -568,6 +569,7 @@ ANSWERS: dict[str, tuple[Any, str]] = {
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
     "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
+    "wifi": (derived(Network, url=str, token=str), "1.0"),
 }  # fmt: skip
 """The type and the version of the answer of each verb."""
 VERSIONS = {verb: version for verb, (_, version) in ANSWERS.items()}

@@ -96,7 +96,7 @@ def test_integers(codec: Path) -> None:
     assert ask(codec, [f"int {v}" for v in values]) == [str(v) for v in values]
 
 
-@pytest.mark.parametrize("source", ["fuzz_wire.c", "fuzz_device.c"])
+@pytest.mark.parametrize("source", ["fuzz_wire.c", "fuzz_device.c", "fuzz_remote.c"])
 def test_fuzz(build: Build, source: str) -> None:
-    rounds = {"fuzz_wire.c": "50000", "fuzz_device.c": "150"}[source]
+    rounds = {"fuzz_wire.c": "50000", "fuzz_device.c": "150", "fuzz_remote.c": "3000"}[source]
     run(build(HERE.parent / "fuzz" / source), "", rounds)

@@ -20,6 +20,7 @@ DOWN = [-8960 - 10 * i for i in range(4)]
 WIRED = "-DGYROCAL_INT1=27"
 
 Play = Callable[..., str]
+PlayBoth = Callable[..., tuple[str, str]]
 
 
 def compile_board(compiled: Objects, folder: Path, gxx: str, gcc: str, *more: str) -> Path:
@@ -36,12 +37,20 @@ def compile_board(compiled: Objects, folder: Path, gxx: str, gcc: str, *more: st
 
 
 @pytest.fixture(scope="session")
-def play(require_tool: Callable[[str], str], compiled: Objects, tmp_path_factory: pytest.TempPathFactory) -> Play:
+def play(play_both: PlayBoth) -> Play:
     """`play(script, seconds, flash, *flags)`: what the port, built with these flags, writes to its serial port."""
+    return lambda *arguments: play_both(*arguments)[0]
+
+
+@pytest.fixture(scope="session")
+def play_both(
+    require_tool: Callable[[str], str], compiled: Objects, tmp_path_factory: pytest.TempPathFactory
+) -> PlayBoth:
+    """As `play`, and what it does in its network (board/network.cpp)."""
     gxx, gcc = require_tool("g++"), require_tool("gcc")
     built: dict[tuple[str, ...], Path] = {}
 
-    def run(script: list[str], seconds: float, flash: Path | None = None, *flags: str) -> str:
+    def run(script: list[str], seconds: float, flash: Path | None = None, *flags: str) -> tuple[str, str]:
         if flags not in built:
             built[flags] = compile_board(compiled, tmp_path_factory.mktemp("board"), gxx, gcc, *flags)
         flash = flash or tmp_path_factory.mktemp("flash") / "flash"
@@ -50,7 +59,7 @@ def play(require_tool: Callable[[str], str], compiled: Objects, tmp_path_factory
             [built[flags], str(flash), str(seconds)], input=text, capture_output=True, encoding="latin-1", timeout=120
         )
         assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
-        return done.stdout
+        return done.stdout, done.stderr
 
     return run
 

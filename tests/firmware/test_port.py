@@ -28,7 +28,11 @@ def check(compiler: str, flags: str, source: Path) -> str:
 
 
 @pytest.mark.parametrize(
-    "flags", [*BOARDS.values(), f"{BOARDS['thing_plus_usb_c']} {OPTIONS}", f"{BOARDS['esp32_c3']} -DESP_IDF_VERSION_MAJOR=5"]
+    "flags",
+    [
+        *BOARDS.values(), f"{BOARDS['thing_plus_usb_c']} {OPTIONS}", f"{BOARDS['esp32_c3']} -DESP_IDF_VERSION_MAJOR=5",
+        f"{BOARDS['esp32_s3']} -DGYROCAL_BLE",
+    ],
 )
 def test_port_type_checks(flags: str, require_tool: Callable[[str], str]) -> None:
     sources = sorted(p for p in SRC.iterdir() if p.suffix in (".c", ".cpp"))

@@ -5,6 +5,7 @@
 #include "gc_device.h"
 #include "gc_lsm6dso.h"
 #include "gc_error.h"
+#include "gc_wifi.h"
 #include "weights.h"
 
 #include <stdio.h>
@@ -16,6 +17,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
 static uint64_t now;
 static emul_lsm6dso_t chip;
 static gc_device_t device;
+static gc_wifi_t wifi;
 static const uint8_t *luck;
 static size_t luck_n, luck_i;
 
@@ -59,11 +61,28 @@ static int send(void *context, const char *data, size_t n) {
     return bad_luck() ? -1 : (int)n;
 }
 
+static int obey_wifi(void *context, gc_wifi_word_t word, const char *text, size_t n) {
+    (void)context;
+    const int error = gc_wifi_set(&wifi, word, (gc_text_t){text, n});
+    if (wifi.name[sizeof wifi.name - 1u] != '\0' || wifi.password[sizeof wifi.password - 1u] != '\0' ||
+        wifi.token[sizeof wifi.token - 1u] != '\0') {
+        fprintf(stderr, "fuzz_device: a text of wifi without its end\n");
+        abort();
+    }
+    return error;
+}
+
+static void tell_wifi(void *context, gc_wifi_state_t *state) {
+    (void)context;
+    state->state = wifi.on != 0u ? "joining" : "off";
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
-    static const gc_port_t port = {
-        .bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us, .send = send};
+    static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
+                                   .send = send, .wifi = obey_wifi, .wifi_state = tell_wifi};
     static const gc_device_config_t config = {
         .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
+    memset(&wifi, 0, sizeof wifi);
     now = 0;
     luck = data;
     luck_n = n;
@@ -88,7 +107,8 @@ static const char *const words[] = {
     "set fifo 16", "set fifo 0", "set fifo 999",
     "set axis q", "set table_dps none", "set table_dps -78", "set table_dps 0", "set turn_deg 360", "set turn_deg 0",
     "set full_scale_dps 2000", "set full_scale_dps 3", "get axis", "get table_dps", "get", "stream corrected", "dump", "undo",
-    "selftest", "reboot", "set sensor auto", "x x x x x x", "", "\xff", "\xff\xff",
+    "selftest", "reboot", "set sensor auto", "wifi", "wifi name my net", "wifi password  a b c d e f", "wifi token m5Qb0Xw2r_K7-tYz",
+    "wifi on", "wifi off", "wifi forget", "wifi token", "wifi x", "wifi name ", "x x x x x x", "", "\xff", "\xff\xff",
 };
 
 int main(int argc, char **argv) {

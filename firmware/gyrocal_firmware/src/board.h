@@ -14,6 +14,7 @@
  *   GYROCAL_INT1_SENSOR          that sensor's number (0 by default)
  *   GYROCAL_LED                  a plain LED, or
  *   GYROCAL_RGB_LED              an addressable one (WS2812)
+ *   GYROCAL_BLE                  Bluetooth Low Energy too (ble.h)
  *   GYROCAL_I2C_HZ               clock of the buses; slower where the cables are long
  */
 #if !defined(GYROCAL_I2C_HZ)

@@ -29,9 +29,13 @@ void FlashStore::prepare() {
 void FlashStore::begin(unsigned bus, uint8_t address) {
     char name[NAME_BYTES];
     snprintf(name, sizeof name, "bus%u_%02X", bus, static_cast<unsigned>(address));
-    if (!preferences_.begin(name, false, PARTITION)) {
+    if (!begin(name)) {
         output_say("%s: its flash cannot be opened, results hold until power-off", name);
     }
+}
+
+bool FlashStore::begin(const char *name) {
+    return preferences_.begin(name, false, PARTITION);
 }
 
 /* Earlier versions stored records by the order in which sensors answered. The sensor of such a record is unknown. */

@@ -1,14 +1,17 @@
 /* The port of the core to the ESP32. It finds the sensors, starts a task for each, forwards commands and sets the LED. */
+#include "ble.h"
 #include "board.h"
 #include "i2c_bus.h"
 #include "output.h"
 #include "part.h"
 #include "sensor.h"
 #include "status_led.h"
+#include "wireless.h"
 
 #include <Arduino.h>
 #include <esp_idf_version.h>
 #include <esp_task_wdt.h>
+#include <string.h>
 
 #define WATCHDOG_S 10
 #define BOOT_MS 100 /* start-up time of the slowest sensor */
@@ -138,6 +141,7 @@ void setup() {
     output_begin();
     delay(BOOT_MS);
     FlashStore::prepare();
+    wifi_begin();
     status_led_begin();
     begin_buses();
     stands_in = !add_those_that_answer();
@@ -153,7 +157,21 @@ void setup() {
     }
 }
 
-static void forward_commands() {
+/* Lines are passed on whole, so that those of the cable and of a radio do not mix. */
+static void forward(const char *line, size_t n) {
+    char text[GC_COMMAND_MAX + 2]; /* one byte more than a command has, so that a sensor refuses a longer one, and the line's end */
+    memcpy(text, line, n);
+    text[n] = '\n';
+    for (Sensor *sensor : sensors) {
+        if (sensor != nullptr) {
+            sensor->hear(text, n + 1u);
+        }
+    }
+}
+
+static void hear_cable() {
+    static char line[GC_COMMAND_MAX + 1];
+    static gc_line_reader_t reader = {line, sizeof line, 0, false, false, false};
     char data[128];
     const int waiting = Serial.available();
     if (waiting <= 0) {
@@ -161,16 +179,18 @@ static void forward_commands() {
     }
     const size_t room = static_cast<size_t>(waiting) < sizeof data ? static_cast<size_t>(waiting) : sizeof data;
     const size_t n = Serial.readBytes(data, room);
-    for (Sensor *sensor : sensors) {
-        if (sensor != nullptr) {
-            sensor->hear(data, n);
+    for (size_t i = 0; i < n; i++) {
+        if (gc_line_push_cut(&reader, data[i])) {
+            forward(reader.line, reader.n);
         }
     }
 }
 
 void loop() {
     static uint32_t looked_ms = 0;
-    forward_commands();
+    hear_cable();
+    wifi_step(forward);
+    ble_step(forward);
     if (millis() - looked_ms >= LOOK_EVERY_MS) {
         looked_ms = millis();
         look_again();

@@ -2,6 +2,7 @@
 
 #include "board.h"
 #include "gc_device.h"
+#include "radio.h"
 #include "reset_reason.h"
 
 #include <Arduino.h>
@@ -66,15 +67,21 @@ void output_begin() {
     output_say("gyrocal %s, reset reason %d, %s", GC_FIRMWARE_VERSION, static_cast<int>(reason), reset_reason_name(reason));
 }
 
-static bool is_sample(const char *data, size_t n) {
-    return n > 4u && (data[0] == '>' || memcmp(data, "$RAW", 4) == 0 || memcmp(data, "$GYR", 4) == 0);
-}
-
-int output_send(const char *data, size_t n) {
-    if (is_sample(data, n) && xRingbufferGetCurFreeSize(ring) < n + KEPT_FREE_BYTES) {
+static int send_by_cable(const char *data, size_t n) {
+    if (gc_wire_is_sample(data, n) && xRingbufferGetCurFreeSize(ring) < n + KEPT_FREE_BYTES) {
         return 0;
     }
     return xRingbufferSend(ring, data, n, 0) == pdTRUE ? static_cast<int>(n) : 0;
+}
+
+/* A reader by radio is the one for whom sentences are counted. The cable carries them too, as far as it has room. */
+int output_send(const char *data, size_t n) {
+    const int by_radio = radio_send(data, n);
+    if (by_radio == 0) {
+        return 0;
+    }
+    const int by_cable = send_by_cable(data, n);
+    return by_radio > 0 ? by_radio : by_cable;
 }
 
 void output_say(const char *format, ...) {

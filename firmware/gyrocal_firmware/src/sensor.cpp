@@ -4,6 +4,7 @@
 #include "output.h"
 #include "part.h"
 #include "status_led.h"
+#include "wireless.h"
 
 #include <Arduino.h>
 #include <esp_system.h>
@@ -89,6 +90,8 @@ Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
     port_.restart = Port::restart;
     port_.part_file = Port::part_file;
     port_.led = Port::led;
+    port_.wifi = wifi_obey;
+    port_.wifi_state = wifi_state;
     config_.port = &port_;
     config_.parts = PARTS;
     config_.address = address;

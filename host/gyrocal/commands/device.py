@@ -37,6 +37,7 @@ def run(
     ] = 0,
     part: Annotated[str, typer.Option(metavar="NAME", help="Kind of sensor, such as MPU-6050 or ICM-42688-P.")] = "LSM6DSO",
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
+    token: Annotated[str | None, typer.Option(help="With --tcp: what a reader must say first, as by Wi-Fi.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Keep answering commands when all is replayed.")] = False,
     bench: Annotated[
@@ -63,10 +64,10 @@ def run(
         raise InputError(f"--stream {stream}: want raw or off")
     source = _source(session, effects or [], sensors, seed)
     _end_by_signals()
-    wanted = _wanted(fault, faults, fifo)
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=wanted, fifo=fifo, part=part, tcp=tcp, symlink=link, hold=hold, bench=bench
-    )
+        source, speed, stream=stream, faults=_wanted(fault, faults, fifo), fifo=fifo, part=part, tcp=tcp, token=token,
+        symlink=link, hold=hold, bench=bench,
+    )  # fmt: skip
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)
         simulated.wait()

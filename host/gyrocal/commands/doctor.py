@@ -7,7 +7,7 @@ import typer
 
 def run(
     port: Annotated[
-        str, typer.Option(help="A serial device, socket://host:port, or auto: the first port where a device answers.")
+        str, typer.Option(help="A serial device, tcp://host:port, or auto: the first where a device answers.")
     ] = "auto",
     seconds: Annotated[float, typer.Option(min=2.0, help="How long to listen to the samples.")] = 10.0,
     restart: Annotated[
@@ -22,6 +22,7 @@ def run(
     """
     import json
 
+    from gyrocal.device.address import without_token
     from gyrocal.device.doctor import Check, Doctor
     from gyrocal.device.find import find_port
     from gyrocal.device.port import Link
@@ -37,6 +38,6 @@ def run(
         checks = Doctor(link, seconds, restart=restart).run(tell)
     well = all(check.ok is not False for check in checks)
     if as_json:
-        typer.echo(json.dumps({"port": name, "ok": well, "checks": [check.to_json() for check in checks]}))
+        typer.echo(json.dumps({"port": without_token(name), "ok": well, "checks": [check.to_json() for check in checks]}))
     if not well:
         raise typer.Exit(1)

@@ -6,7 +6,7 @@ import typer
 
 
 def run(
-    port: Annotated[str, typer.Option(help="A serial device, a pseudo terminal or socket://host:port.")],
+    port: Annotated[str, typer.Option(help="A serial device, tcp://host:port, or auto: the first where a device answers.")],
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after so long; else when the device ends.")
     ] = None,
@@ -25,10 +25,11 @@ def run(
     import sys
     import time
 
+    from gyrocal.device.find import find_port
     from gyrocal.device.monitor import Monitor
     from gyrocal.device.port import Link
 
-    with Link(port, reconnect=reconnect) as link, contextlib.suppress(KeyboardInterrupt):
+    with Link(find_port(port), reconnect=reconnect) as link, contextlib.suppress(KeyboardInterrupt):
         monitor = Monitor(link, self_test=self_test)
         if as_json:
 

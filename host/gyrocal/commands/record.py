@@ -21,7 +21,7 @@ BY_HAND = "Lay the sensor down for ten seconds. Then turn it from pose to pose, 
 
 def run(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder: new, or one to add a run to.")],
-    port: Annotated[str, typer.Option(help="A serial device, a pseudo terminal or socket://host:port.")],
+    port: Annotated[str, typer.Option(help="A serial device, tcp://host:port, or auto: the first where a device answers.")],
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
     rate: Annotated[float | None, typer.Option(help="The table's true rate, dps, signed; 0 = at rest.")] = None,
     seconds: Annotated[float | None, typer.Option(help="How long.")] = None,
@@ -52,6 +52,7 @@ def run(
     from rich.console import Console
 
     from gyrocal.device import record
+    from gyrocal.device.address import without_token
     from gyrocal.errors import DeviceError, GyrocalError, InputError
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.warning import Warning
@@ -62,7 +63,8 @@ def run(
     console = Console(stderr=True, markup=False)
     report = record.Report(str(out))
     try:
-        with console.status(f"{port}: waiting for the device") as status, _link(port, wait, plan, status) as link:
+        waiting = f"{without_token(port)}: waiting for the device"
+        with console.status(waiting) as status, _link(port, wait, plan, status) as link:
             one = {"wanted": wanted, "scenario": scenario, "day": day}
             recorder = _recorder(link, out, planned, hands, one, imu, console, status)
             report = recorder.report
@@ -83,12 +85,13 @@ def _link(port: str, wait: bool, plan: Path | None, status: "Status") -> "Link":
     """The device at a port; with ``wait``, the port is tried until it opens or Ctrl-C ends that."""
     import time
 
+    from gyrocal.device.find import find_port
     from gyrocal.device.port import RETRY_S, Link
     from gyrocal.errors import DeviceError
 
     while True:
         try:
-            return Link(port, reconnect=plan is not None)
+            return Link(find_port(port), reconnect=plan is not None)
         except DeviceError as error:
             if not wait:
                 raise

@@ -8,7 +8,7 @@ import typer
 
 def run(
     session: Annotated[Path | None, typer.Argument(metavar="[SESSION]", help="A session folder to open.")] = None,
-    port: Annotated[str | None, typer.Option(help="The device to listen to: its serial port or socket://host:port.")] = None,
+    port: Annotated[str | None, typer.Option(help="The device to listen to: its serial port or tcp://host:port.")] = None,
     host: Annotated[
         str, typer.Option(help="Where to serve the page; beyond this machine only with the token that is printed.")
     ] = "127.0.0.1",
@@ -21,6 +21,7 @@ def run(
 
     The page reads and writes in the folder where it was started, and in SESSION.
     """
+    from gyrocal.device.address import keep_token
     from gyrocal.web.server import serve
 
     if session is not None:
@@ -28,4 +29,4 @@ def run(
 
         session = folder_of(session)
         read_header(session)
-    serve(session, port, host, http_port, browser=browser)
+    serve(session, None if port is None else keep_token(port), host, http_port, browser=browser)

@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 from typing import Protocol
 
-from gyrocal.device.port import BUSY_NOTE, CHUNK
+from gyrocal.device.address import WITH_TOKEN, WITHOUT_TOKEN, is_token
+from gyrocal.device.port import BUSY_NOTE, CHUNK, TOKEN_NOTE
 from gyrocal.errors import GyrocalError, InputError
 
 PSEUDO_TERMINALS = "/dev/"
@@ -111,6 +112,8 @@ class PtyOutlet(Outlet):
 class TcpOutlet(Outlet):
     """A TCP port for ``socket://host:port``. Port 0 chooses a free one."""
 
+    scheme = WITHOUT_TOKEN
+
     def __init__(self, address: str) -> None:
         host, _, number = address.rpartition(":")
         try:
@@ -123,7 +126,7 @@ class TcpOutlet(Outlet):
         self._client: socket.socket | None = None
         self._second: socket.socket | None = None
         self._second_s = 0.0
-        self.name = f"socket://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
+        self.name = f"{self.scheme}://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
 
     def connected(self) -> bool:
         if self._client is None:
@@ -192,8 +195,78 @@ class TcpOutlet(Outlet):
         self._server.close()
 
 
-def make_outlet(tcp: str | None = None, symlink: Path | None = None) -> Outlet:
-    """Create a TCP port if ``tcp`` gives its address, otherwise a pseudo terminal."""
+class TokenOutlet(TcpOutlet):
+    """A TCP port for ``tcp://host:port``, as a board's Wi-Fi is: the core says who is taken and what waits for a reader."""
+
+    scheme = WITH_TOKEN
+
+    def __init__(self, address: str, token: str) -> None:
+        from gyrocal.core.remote import CoreRemote
+
+        if not is_token(token):
+            raise InputError("--token: want 16 to 64 characters without spaces")
+        super().__init__(address)
+        self.remote = CoreRemote(token)
+        self._commands = b""
+
+    def connected(self) -> bool:
+        before = self._client
+        if super().connected() and before is None:
+            self.remote.connect()
+        self._hear()
+        self._send()
+        if self.remote.is_over:
+            self._drop()
+        return self.remote.is_reader
+
+    def _hear(self) -> None:
+        if self._client is None:
+            return
+        commands = self.remote.hear(super().read())
+        if commands is not None:
+            self._commands += commands
+            return
+        with contextlib.suppress(OSError):
+            self._client.send(f"# {TOKEN_NOTE}\n".encode())
+        self._drop()
+
+    def _send(self) -> None:
+        while self._client is not None and (waiting := self.remote.waiting()):
+            sent = super().write(waiting)
+            self.remote.took(sent)
+            if sent < len(waiting):
+                return
+
+    def read(self) -> bytes:
+        self._hear()
+        commands, self._commands = self._commands, b""
+        return commands
+
+    def write(self, data: bytes) -> int:
+        """Let whole lines wait as far as there is room for them."""
+        taken = 0
+        for line in data.splitlines(keepends=True):
+            if not self.remote.tell(line):
+                break
+            taken += len(line)
+        self._send()
+        return taken
+
+    def drained(self) -> bool:
+        self._send()
+        return not self.remote.waiting() and super().drained()
+
+    def _drop(self) -> None:
+        super()._drop()
+        self.remote.disconnect()
+
+
+def make_outlet(tcp: str | None = None, symlink: Path | None = None, token: str | None = None) -> Outlet:
+    """Create a TCP port if ``tcp`` gives its address, else a pseudo terminal. ``token`` is what a reader must say first."""
+    if token is not None and tcp is None:
+        raise InputError("--token is for --tcp; a pseudo terminal wants none")
+    if tcp is not None and token is not None:
+        return TokenOutlet(tcp, token)
     if tcp is not None:
         return TcpOutlet(tcp)
     if not hasattr(os, "openpty"):

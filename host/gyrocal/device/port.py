@@ -1,4 +1,4 @@
-"""A device at a port: a serial device, a pseudo terminal or ``socket://host:port``.
+"""A device at a port: a serial device, a pseudo terminal, ``tcp://host:port``, ``ble://name``, or ``socket://host:port``.
 
 The other modules use :class:`Link`, which receives sentences and sends commands. Opening a serial port may reset the board,
 so the host waits for the device's hello before it sends anything else.
@@ -13,8 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
-from urllib.parse import urlsplit
 
+from gyrocal.device.address import BLE, TOKEN_VARIABLE, Address, is_address, without_token
 from gyrocal.device.wire import PROTOCOL, Reader, Sentence
 from gyrocal.errors import DeviceError
 
@@ -31,6 +31,10 @@ REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
 BUSY = "another program has it open; close that one first"
 BUSY_NOTE = "busy: " + BUSY
 """The log line with which a simulated device rejects a second reader."""
+TOKEN_NOTE = "token: this device was not given its token"
+"""The log line with which a device rejects a reader that does not know its token (gc_remote.h)."""
+QUIET_S, ASKS = 5, 3
+"""A network's device of which nothing comes for so long is asked by TCP so many times, a second apart, whether it is there."""
 REFUSALS = range(-29, -19)
 """Error codes (gc_error.h) that answer a command. All others concern the sensor."""
 SETTINGS = ("rate_hz", "table_dps", "full_scale_dps")
@@ -99,23 +103,22 @@ class SerialPort(Port):
 
 
 class SocketPort(Port):
-    """``socket://host:port``, as ``gyrocal device --tcp`` serves it. pyserial would read it byte by byte."""
+    """``tcp://host:port`` of a board, which is given its token first, or ``socket://host:port`` of ``gyrocal device --tcp``."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
+        self.name = without_token(name)
+        to = Address.parse(name)
         try:
-            url = urlsplit(name)
-            host, number = url.hostname, url.port
-        except ValueError:
-            host, number = None, None
-        if not host or not number:
-            raise DeviceError(f"{name}: write socket://HOST:PORT, for example socket://127.0.0.1:5000")
-        try:
-            self._socket = socket.create_connection((host, number), timeout=ANSWER_S)
+            self._socket = socket.create_connection((to.host, to.port), timeout=ANSWER_S)
         except OSError as error:
             reason = error.strerror or str(error)
-            raise DeviceError(f"{name}: {reason}; is `gyrocal device --tcp {host}:{number}` running there?") from None
+            running = f"is `gyrocal device --tcp {to.host}:{to.port}` running there?"
+            there = "is the board on, and in this network? Through the cable, `gyrocal wifi` tells its address"
+            raise DeviceError(f"{self.name}: {reason}; {there if to.token else running}") from None
         self._socket.settimeout(POLL_S)
+        _notice_silence(self._socket)
+        if to.token:
+            self.write(f"token {to.token}\n".encode("ascii"))
 
     def read(self) -> bytes:
         try:
@@ -138,9 +141,21 @@ class SocketPort(Port):
         self._socket.close()
 
 
+def _notice_silence(connection: socket.socket) -> None:
+    """Let the system find out that a device is gone which went without a word, for example out of reach."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in {"TCP_KEEPIDLE": QUIET_S, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": ASKS}.items():
+        if hasattr(socket, option):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
 def open_port(name: str, baud: int = BAUD) -> Port:
-    """Open a serial device, a pseudo terminal, or a URL that pyserial knows. Raises DeviceError if that fails."""
-    return SocketPort(name) if name.startswith("socket://") else SerialPort(name, baud)
+    """Open a serial device, a pseudo terminal, an address, or a URL that pyserial knows. Raises DeviceError if that fails."""
+    if name.startswith(f"{BLE}://"):
+        from gyrocal.device.ble import BlePort
+
+        return BlePort(name)
+    return SocketPort(name) if is_address(name) else SerialPort(name, baud)
 
 
 def _gone(name: str, error: BaseException | None = None) -> PortGone:
@@ -181,7 +196,8 @@ class Link:
     def __init__(
         self, name: str, *, reconnect: bool = False, baud: int = BAUD, opener: Callable[[str, int], Port] = open_port
     ) -> None:
-        self.name = name
+        self.name = without_token(name)
+        self._address = name
         self._opener = opener
         self.reader = Reader()
         self.hello: Sentence | None = None
@@ -263,16 +279,21 @@ class Link:
 
     def send(self, text: str) -> None:
         """Send one command without waiting for its answer."""
-        self._write(text.encode("ascii") + b"\n")
+        self._write(text.encode() + b"\n")
 
-    def command(self, text: str, timeout_s: float = ANSWER_S) -> Sentence:
+    def command(self, text: str, timeout_s: float = ANSWER_S, *, secret: str = "") -> Sentence:
         """Send one command and return its ``$ACK``. This and all others are kept for :meth:`receive`, so that none seems lost.
+
+        Args:
+            text: the command.
+            timeout_s: how long to wait for the answer.
+            secret: what is sent behind ``text`` and shown in no message.
 
         Raises:
             DeviceError: the device refused, with its own advice in the message, or it did not answer.
         """
         word = text.split()[0]
-        self.send(text)
+        self.send(text + secret)
         deadline = time.monotonic() + timeout_s
         why = "no answer"
         kept, self._kept = self._kept, []
@@ -301,8 +322,14 @@ class Link:
         try:
             sentences = self.reader.feed(self._port.read())
         except PortGone:
+            self.reader.cut()
             if BUSY_NOTE in self.reader.logs and not self.reader.good:
                 raise DeviceError(f"{self.name}: {BUSY}") from None
+            if TOKEN_NOTE in self.reader.logs:
+                raise DeviceError(
+                    f"{self.name}: the device has another token; set {TOKEN_VARIABLE} to its own, or give it a new one by "
+                    "`gyrocal wifi` through the cable"
+                ) from None
             if not self._reconnect:
                 raise
             self.close()
@@ -320,7 +347,7 @@ class Link:
             return
         self._retry_at = time.monotonic() + RETRY_S
         with contextlib.suppress(DeviceError):
-            self._port = self._opener(self.name, self._baud)
+            self._port = self._opener(self._address, self._baud)
 
     def _write(self, data: bytes) -> None:
         if self._port is None:
@@ -328,9 +355,16 @@ class Link:
         try:
             self._port.write(data)
         except PortGone:
+            self._hear_last_words()
             if not self._reconnect:
                 raise
             self.close()
+
+    def _hear_last_words(self) -> None:
+        """Read what a device sent before it closed the port: it may say why, and then this raises DeviceError."""
+        deadline = time.monotonic() + RETRY_S
+        while self._port is not None and time.monotonic() < deadline:
+            self._kept += self._read()
 
 
 def describe_error(sentence: Sentence) -> str:

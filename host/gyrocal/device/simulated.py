@@ -55,6 +55,7 @@ class SimulatedDevice:
         part: the kind of sensor.
         include_dir: the folder of calibration.h and weights.h, if not the shipped ones.
         tcp: ``HOST:PORT`` for a TCP port instead of a pseudo terminal.
+        token: what a reader of the TCP port must say first, as a board wants it by Wi-Fi.
         hold: True to keep the device running after the last row, so that it answers commands.
         bench: True to replay nothing: the device lies still, with noise and flash, and answers commands.
     """
@@ -70,6 +71,7 @@ class SimulatedDevice:
         fifo: int = 0,
         part: str = DEFAULT_PART,
         tcp: str | None = None,
+        token: str | None = None,
         symlink: Path | None = None,
         hold: bool = False,
         bench: bool = False,
@@ -87,7 +89,7 @@ class SimulatedDevice:
                 )
                 for imu, one in enumerate(sensors)
             ]  # fmt: skip
-            self._outlet = make_outlet(tcp, symlink)
+            self._outlet = make_outlet(tcp, symlink, token)
             stack.callback(self._outlet.close)
             self._wait_for_reader = text == "max" or float(text) > 1.0
             self._stack = stack.pop_all()

@@ -231,6 +231,12 @@ class Reader:
         self.good += len(sentences)
         return sentences
 
+    def cut(self) -> None:
+        """The connection has ended: what came of a line is damaged, and the next chunk begins a new one."""
+        if self._rest:
+            self._count_other(self._rest, is_overlong=False)
+        self._rest, self._is_cut = b"", False
+
     def _count_jump(self, missing: int) -> None:
         if missing < SEQ_RANGE // 2:
             self.lost += missing

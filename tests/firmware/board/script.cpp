@@ -11,6 +11,10 @@
  *     hold I                        sensor I stops in the middle of a byte and holds its bus's SDA low
  *     low BUS, free BUS             the bus's SDA is tied low, as by a sensor without power; it no longer is
  *     pins SDA SCL                  the sensors of the first bus are wired to these pins
+ *     network [NAME [PASSWORD]]     the wireless network that is there; none without a name
+ *     reader I WORD [TEXT]          reader I comes by TCP, says TEXT and a newline, types TEXT without one, stalls (takes nothing any
+ *                                   more), goes on, leaves
+ *     ble WORD [TEXT]               a reader by Bluetooth comes [MTU], says TEXT, stalls (its link is congested), goes on, leaves
  *     reset N                       the reason of the board's last reset (esp_system.h), 1 if not told
  *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins),
  *                                   nvs (free page in its flash)
@@ -24,6 +28,7 @@
 #include <deque>
 #include <iostream>
 #include <sstream>
+#include <string>
 #include <utility>
 
 void setup();
@@ -55,6 +60,14 @@ void obey_script() {
             fails.insert(word);
         } else if (word == "reset") {
             line >> reset_reason;
+        } else if (word == "network") {
+            set_network(line);
+        } else if (word == "reader") {
+            line >> i >> word;
+            act_as_reader(i, word, line);
+        } else if (word == "ble") {
+            line >> word;
+            act_by_bluetooth(word, line);
         } else if (word == "pins") {
             wire_to(line);
         } else if (line >> i && i < CHIPS) {

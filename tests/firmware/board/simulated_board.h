@@ -35,6 +35,13 @@ void tie_low(unsigned bus, bool low);
 void wire_to(std::istream &pins);
 void set_world(unsigned i, std::istream &counts);
 
+/* network.cpp: the network that is there, none if it has no name, and what the script makes a reader do. */
+void set_network(std::istream &words);
+void act_as_reader(unsigned i, const std::string &word, std::istream &words);
+
+/* bluetooth.cpp: the same by Bluetooth. */
+void act_by_bluetooth(const std::string &word, std::istream &words);
+
 /* flash.cpp, serial.cpp: the file that keeps the flash; text typed by the person at the port. */
 void read_flash(const char *path);
 void type(const std::string &text);

@@ -1,12 +1,15 @@
 #include "gc_command.h"
 
 #include "gc_error.h"
+#include "gc_wifi.h"
 
 #define WORDS_MAX 4u /* one more word than the longest command has */
 
 typedef struct {
     gc_text_t word[WORDS_MAX];
     unsigned n;
+    bool too_many; /* for any command but `wifi` */
+    const char *end; /* of the line */
 } gc_words_t;
 
 static bool is(const gc_words_t *words, unsigned i, const char *text) {
@@ -48,6 +51,18 @@ static int read_name_and_value(const gc_words_t *words, gc_command_t *command) {
     return command->setting < GC_SETTINGS ? GC_OK : GC_E_ARGUMENT;
 }
 
+/* What follows the second word and one space is the text, whatever is in it. */
+static int read_wifi(const gc_words_t *words, gc_command_t *command) {
+    const gc_text_t none = {words->end, 0};
+    command->wifi = gc_wifi_find(words->n > 1u ? words->word[1] : none);
+    command->value = none;
+    if (words->n > 2u) {
+        command->value.text = words->word[1].text + words->word[1].n + 1u;
+        command->value.n = (size_t)(words->end - command->value.text);
+    }
+    return command->wifi < GC_WIFI_WORDS ? GC_OK : GC_E_ARGUMENT;
+}
+
 static const struct {
     const char *name;
     int (*read)(const gc_words_t *words, gc_command_t *command); /* NULL = words after the first do not matter */
@@ -65,13 +80,15 @@ static const struct {
     [GC_COMMAND_UNDO] = {"undo", NULL},
     [GC_COMMAND_SELFTEST] = {"selftest", NULL},
     [GC_COMMAND_REBOOT] = {"reboot", NULL},
+    [GC_COMMAND_WIFI] = {"wifi", read_wifi},
 };
 
-/* Returns GC_E_ARGUMENT for more words than any command has. */
-static int split(const char *line, size_t n, gc_words_t *words) {
+static void split(const char *line, size_t n, gc_words_t *words) {
     size_t i = 0;
     words->n = 0;
-    while (i < n) {
+    words->too_many = false;
+    words->end = line + n;
+    while (i < n && !words->too_many) {
         while (i < n && (line[i] == ' ' || line[i] == '\t')) {
             i++;
         }
@@ -80,20 +97,23 @@ static int split(const char *line, size_t n, gc_words_t *words) {
             i++;
         }
         if (i > from) {
-            if (words->n == WORDS_MAX) {
-                return GC_E_ARGUMENT;
+            words->too_many = words->n == WORDS_MAX;
+            if (!words->too_many) {
+                words->word[words->n++] = (gc_text_t){line + from, i - from};
             }
-            words->word[words->n++] = (gc_text_t){line + from, i - from};
         }
     }
-    return GC_OK;
 }
 
 gc_command_t gc_command_read(const char *line, size_t n) {
     gc_words_t words;
     gc_command_t command = {.kind = GC_COMMAND_NONE};
-    command.error = split(line, n, &words);
-    if (command.error != GC_OK || words.n == 0u) {
+    split(line, n, &words);
+    if (words.too_many && !is(&words, 0, table[GC_COMMAND_WIFI].name)) {
+        command.error = GC_E_ARGUMENT;
+        return command;
+    }
+    if (words.n == 0u) {
         return command;
     }
     unsigned kind = GC_COMMAND_NONE + 1u;

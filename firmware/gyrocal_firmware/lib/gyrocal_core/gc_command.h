@@ -27,6 +27,7 @@ typedef enum {
     GC_COMMAND_UNDO,
     GC_COMMAND_SELFTEST,
     GC_COMMAND_REBOOT,
+    GC_COMMAND_WIFI,
     GC_COMMANDS
 } gc_command_kind_t;
 
@@ -36,7 +37,8 @@ typedef struct {
     int face;             /* start: +1 up, -1 down */
     gc_stream_t stream;   /* stream */
     gc_setting_t setting; /* auto, set, get */
-    gc_text_t value;      /* auto, set: the word for the setting, in the line that was read */
+    gc_wifi_word_t wifi;  /* wifi */
+    gc_text_t value;      /* auto, set: the word for the setting, in the line that was read; wifi: the rest of the line */
 } gc_command_t;
 
 /* Reads a line without its end. */

@@ -443,6 +443,38 @@ static int do_reboot(gc_device_t *d, const gc_command_t *command) {
     return GC_OK;
 }
 
+static void tell_wifi(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    gc_wifi_state_t state = {.state = "off"};
+    port->wifi_state(port->context, &state);
+    gc_sentence_t *s = gc_tell_begin(&d->teller, "NET");
+    gc_sentence_text(s, "state", state.state);
+    gc_sentence_text(s, "host", state.host);
+    gc_sentence_text(s, "address", state.address);
+    gc_sentence_uint(s, "port", state.port);
+    gc_sentence_uint(s, "reader", state.reader ? 1u : 0u);
+    gc_sentence_uint(s, "refused", state.refused);
+    gc_tell_end(&d->teller);
+}
+
+/* What was given is not sent back. */
+static int do_wifi(gc_device_t *d, const gc_command_t *command) {
+    const gc_port_t *port = d->config.port;
+    if (port->wifi == NULL) {
+        return GC_E_COMMAND;
+    }
+    const int error =
+        command->wifi == GC_WIFI_STATE ? GC_OK : port->wifi(port->context, command->wifi, command->value.text, command->value.n);
+    if (error != GC_OK) {
+        return error;
+    }
+    acknowledge(d, command, NULL, NULL);
+    if (command->wifi == GC_WIFI_STATE) {
+        tell_wifi(d);
+    }
+    return GC_OK;
+}
+
 static const struct {
     int (*act)(gc_device_t *d, const gc_command_t *command);
     bool between_runs; /* refused while a run goes on */
@@ -460,6 +492,7 @@ static const struct {
     [GC_COMMAND_UNDO] = {do_undo, true},
     [GC_COMMAND_SELFTEST] = {do_selftest, true},
     [GC_COMMAND_REBOOT] = {do_reboot, false},
+    [GC_COMMAND_WIFI] = {do_wifi, true},
 };
 
 static int obey(gc_device_t *d, const gc_command_t *command) {

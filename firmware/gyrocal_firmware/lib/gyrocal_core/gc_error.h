@@ -33,6 +33,7 @@ extern "C" {
     X(GC_E_FIFO_RATE, -26, "fifo_rate", "the FIFO keeps the sensor's own time: set one of its rates as rate_hz; or fifo 0")    \
     X(GC_E_FIFO_NEEDED, -27, "fifo_needed", "too fast for single samples: set a slower rate_hz and fifo 16 and then this")   \
     X(GC_E_NO_SELF_TEST, -28, "no_self_test", "this sensor has no self-test that the firmware knows: nothing to do")            \
+    X(GC_E_NO_NETWORK, -29, "no_network", "there is no network to join: send wifi name and wifi token first")            \
     X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps and face and axis")       \
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
@@ -60,7 +61,8 @@ extern "C" {
     X(GC_E_WIRE_CRC, -61, "wire_crc", "the sentence was damaged on its way: check cable and speed")                      \
     X(GC_E_WIRE_SYNTAX, -62, "wire_syntax", "the sentence is malformed: update firmware and host to one version")        \
     X(GC_E_WIRE_TOO_LONG, -63, "wire_too_long", "the line is longer than 320 bytes: check the port's speed")             \
-    X(GC_E_NUMBER, -64, "bad_number", "write a decimal number such as -78 or 1.5e-3")
+    X(GC_E_NUMBER, -64, "bad_number", "write a decimal number such as -78 or 1.5e-3")                                    \
+    X(GC_E_TOKEN, -65, "wrong_token", "give the token that was set by wifi token")
 
 enum gc_error {
     GC_OK = 0,

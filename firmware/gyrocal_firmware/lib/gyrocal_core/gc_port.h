@@ -12,6 +12,27 @@ extern "C" {
 
 typedef enum { GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE, GC_LED_MISFIT } gc_led_t;
 
+/* Words of the command `wifi`; GC_WIFI_STATE stands for none. */
+typedef enum {
+    GC_WIFI_STATE,
+    GC_WIFI_NAME,
+    GC_WIFI_PASSWORD,
+    GC_WIFI_TOKEN,
+    GC_WIFI_ON,
+    GC_WIFI_OFF,
+    GC_WIFI_FORGET,
+    GC_WIFI_WORDS
+} gc_wifi_word_t;
+
+typedef struct {
+    const char *state; /* off, joining or joined */
+    char host[32];     /* its name in the network, without a domain; empty unless it has joined */
+    char address[16];  /* likewise */
+    unsigned port;
+    bool reader;      /* somebody who knew the token is connected */
+    uint32_t refused; /* connections without the right token */
+} gc_wifi_state_t;
+
 typedef struct {
     void *context; /* passed to every callback */
 
@@ -50,6 +71,11 @@ typedef struct {
 
     /* Optional: shows the state of the device. */
     void (*led)(void *context, gc_led_t state);
+
+    /* Optional, on a board with Wi-Fi: obeys a word with its text (gc_wifi.h), and returns GC_OK or an error. */
+    int (*wifi)(void *context, gc_wifi_word_t word, const char *text, size_t n);
+    /* With `wifi`: how it stands. */
+    void (*wifi_state)(void *context, gc_wifi_state_t *state);
 } gc_port_t;
 
 #ifdef __cplusplus

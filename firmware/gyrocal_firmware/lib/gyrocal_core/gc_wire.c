@@ -7,6 +7,10 @@
 
 #define TAIL 6 /* *CRC and line end */
 
+bool gc_wire_is_sample(const char *line, size_t n) {
+    return n > 4u && (line[0] == '>' || memcmp(line, "$RAW", 4) == 0 || memcmp(line, "$GYR", 4) == 0);
+}
+
 uint16_t gc_wire_crc(const char *data, size_t n) {
     uint32_t crc = 0xFFFFu;
     for (size_t i = 0; i < n; i++) { /* the polynomial 0x1021 a byte at a time, without a table */
@@ -236,4 +240,13 @@ int gc_line_push(gc_line_reader_t *reader, char byte) {
         reader->line[reader->n++] = byte;
     }
     return 0;
+}
+
+bool gc_line_push_cut(gc_line_reader_t *reader, char byte) {
+    const int got = gc_line_push(reader, byte);
+    if (got < 0) {
+        reader->n = reader->capacity;
+        reader->complete = true;
+    }
+    return got != 0;
 }

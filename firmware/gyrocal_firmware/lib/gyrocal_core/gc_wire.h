@@ -14,6 +14,9 @@ extern "C" {
 #define GC_WIRE_MAX 320 /* bytes of a line, line end included */
 #define GC_WIRE_MAX_FIELDS 24
 
+/* Whether a line is one of the samples that a stream sends; the others answer commands or tell of runs. */
+bool gc_wire_is_sample(const char *line, size_t n);
+
 /* CRC-16/CCITT-FALSE. */
 uint16_t gc_wire_crc(const char *data, size_t n);
 
@@ -73,6 +76,8 @@ void gc_line_reader_init(gc_line_reader_t *reader, char *buffer, size_t capacity
 /* Returns 1 if reader->line holds a line of reader->n bytes (no line end), which is valid until the next push; 0 if not yet; or
    GC_E_LINE_TOO_LONG, once, at the end of a line that was skipped. */
 int gc_line_push(gc_line_reader_t *reader, char byte);
+/* The same for a line that is passed on: one that is too long is cut to the capacity. Returns whether there is a line. */
+bool gc_line_push_cut(gc_line_reader_t *reader, char byte);
 
 #ifdef __cplusplus
 }

@@ -13,6 +13,13 @@ typedef struct stream_buffer *StreamBufferHandle_t;
 typedef struct ring_buffer *RingbufHandle_t;
 typedef enum { RINGBUF_TYPE_NOSPLIT } RingbufferType_t;
 
+typedef struct {
+    int owner;
+} portMUX_TYPE;
+
+#define portMUX_INITIALIZER_UNLOCKED {0}
+#define portENTER_CRITICAL(mux) ((void)(mux))
+#define portEXIT_CRITICAL(mux) ((void)(mux))
 #define pdTRUE 1
 #define pdFALSE 0
 #define pdPASS pdTRUE
