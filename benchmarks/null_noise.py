@@ -13,6 +13,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +147,25 @@ def _coarse(rng: np.random.Generator, seed: int) -> Session:
     return campaign(rng, 104.0, white, lsb_dps=WHITE_DPS / rng.uniform(0.3, 0.8))
 
 
+def walking(rng: np.random.Generator, seed: int) -> Session:
+    """One power cycle of 14 runs while the room warms by 5 degC, and a bias that walks on, by 0.3, 1 or 3 mdps over the root of a
+    second, over runs and the pauses between them."""
+    rate_hz, seconds, pause_s, step_dps = 25.0, 40.0, 10.0, (3e-4, 1e-3, 3e-3)[seed % 3]
+    all_s = np.arange(round(14 * (seconds + pause_s) * rate_hz)) / rate_hz
+    walk = np.cumsum(rng.normal(0, step_dps / rate_hz**0.5, (all_s.size, 3)), axis=0)
+    runs: list[Run] = []
+    for k, rate_dps in enumerate(2 * (45.0, -45.0, 90.0, -90.0, 20.0, -20.0, 120.0)):
+        begin = round(k * (seconds + pause_s) * rate_hz)
+        warm_c = 25 + 5 * (1 - float(np.exp(-all_s[begin] / 300)))
+
+        def draw(g: np.random.Generator, n: int, f: float, begin: int = begin) -> Array:
+            return white(g, n, f) + walk[begin : begin + n]
+
+        run = one_run(rng, k, "s000", "up", rate_dps, seconds, rate_hz, draw, np.zeros(3), 4e-3, warm_c, LSB_DPS)
+        runs.append(replace(run, power_on_s=float(all_s[begin])))
+    return session_of(runs, rate_hz, LSB_DPS)
+
+
 KINDS: dict[str, Callable[[np.random.Generator, int], Session]] = {
     "white": lambda g, s: campaign(g, 104.0, white),
     "low-pass 5-42 Hz": _filtered,
@@ -169,6 +189,7 @@ KINDS: dict[str, Callable[[np.random.Generator, int], Session]] = {
     "bursts, static": lambda g, s: static(g, 52.0, bursts),
     "10 Hz": lambda g, s: campaign(g, 10.0, white, rest=True),
     "10 Hz, flicker, static": lambda g, s: static(g, 10.0, lambda r, n, f: white(r, n, f) / 4 + flicker(r, n, f, 0.006)),
+    "a bias that walks on": walking,
 }  # fmt: skip
 
 
