@@ -148,8 +148,10 @@ def _coarse(rng: np.random.Generator, seed: int) -> Session:
 
 
 def walking(rng: np.random.Generator, seed: int) -> Session:
-    """One power cycle of 14 runs while the room warms by 5 degC, and a bias that walks on, by 0.3, 1 or 3 mdps over the root of a
-    second, over runs and the pauses between them."""
+    """One power cycle of 14 runs while the room warms by 5 degC.
+
+    The bias walks on by 0.3, 1 or 3 mdps over the root of a second, over runs and the pauses between them.
+    """
     rate_hz, seconds, pause_s, step_dps = 25.0, 40.0, 10.0, (3e-4, 1e-3, 3e-3)[seed % 3]
     all_s = np.arange(round(14 * (seconds + pause_s) * rate_hz)) / rate_hz
     walk = np.cumsum(rng.normal(0, step_dps / rate_hz**0.5, (all_s.size, 3)), axis=0)
