@@ -109,3 +109,18 @@ def test_blocks_say_which_readings_they_moved_back() -> None:
     (none_x, _), _, (rows, apart_dps) = reduce_run(replace(run, frame=wild), 0).strays
     assert (none_x.size, rows.tolist()) == (0, [50])
     assert apart_dps[0] == pytest.approx(500.0 - run.gyro_dps[50, 2], abs=0.5)
+
+
+@pytest.mark.parametrize("apart_dps", [0.02, 0.3, 2.0])
+def test_the_spread_of_two_power_cycles_is_at_the_maximum_of_its_likelihood(apart_dps: float) -> None:
+    """The search stopped where its slope was small beside the one at its start, at half of the spread."""
+    rng, t_s = np.random.default_rng(5), np.arange(500) / 25
+    runs = [
+        make_run(t_s, rng.normal(0, 0.03, (t_s.size, 3)) + cycle * apart_dps, table_rate_dps=0.0, scenario=f"s{cycle}")
+        for cycle in (0, 1) for _ in range(6)
+    ]  # fmt: skip
+    found = fit(make_session(*runs), Model.builtin("default"), axes="z").axes["z"]
+    spreads = (Spreads(found.spreads.run, np.array([sd])) for sd in np.geomspace(0.1, 2, 60) * apart_dps)
+    tried = [found.equations().solve(one).loglik for one in spreads]
+    assert found.loglik > max(tried) - 0.01
+    assert found.spreads.scenario[0] == pytest.approx(apart_dps / 2**0.5, rel=0.1)

@@ -24,6 +24,8 @@ Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
 TOLERANCE = 1e-3
 """A search for noise and spreads ends when a step gains less log-likelihood."""
+LEVEL = 1e-2
+"""It also ends where the log-likelihood rises by less for each unit of the coordinates."""
 FIRST_STEP = 0.5
 """Length of the first step of a search in its coordinates, which are logarithms of ratios."""
 NO_SPREAD = 1e-6
@@ -353,7 +355,8 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
         return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
 
     enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
-    found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": enough})
+    options = {"maxiter": 60, "ftol": enough, "gtol": LEVEL * scale}
+    found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(found.x)
 
 
