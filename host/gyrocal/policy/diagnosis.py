@@ -145,6 +145,11 @@ class Diagnosis:
         larger="sessions behind a low-pass are not searched for humps", smaller="the knee of a low-pass counts as a hump",
         chosen_by="python benchmarks/null_noise.py: 0.01 to 0.03 behind 5 Hz, 0.2 and more behind 12 Hz",
     )  # fmt: skip
+    white_within: float = threshold(
+        0.7, "the same scatter, below which the knee of a low-pass may lie within the examined frequencies",
+        larger="a hump of white noise counts as the knee of a low-pass", smaller="the knee of a low-pass counts as a hump",
+        chosen_by="pytest tests/diagnosis/test_power_band.py: 0.15 to 0.61 behind 3 to 5 Hz, 1 for white noise",
+    )  # fmt: skip
     bands: int = threshold(
         6, "number of frequency bands between drift and the block rate in which power is compared with the noise",
         larger="each band has fewer values, and the correction for multiple tests grows",

@@ -25,7 +25,9 @@ CELLS = 60
 CENTRES, WIDTHS = 10, (0.25, 0.5)
 """Number of frequencies at which a hump is tried, and its widths (standard deviations of the logarithm of frequency)."""
 KNEES_HZ = (np.inf, 20.0, 10.0, 7.0, 5.0)
-"""Knees of the sensor's low-pass. Lower ones lie within the examined frequencies."""
+"""Knees of the sensor's low-pass, of second order, that lie beyond the examined frequencies."""
+LOW_KNEES_HZ, ORDERS = (5.0, 4.0, 3.0), (1, 2, 4)
+"""Knees and orders of a low-pass (Butterworth) within them."""
 STEPS = 300
 """Multiplicative steps of a fit."""
 
@@ -42,17 +44,21 @@ class _Cells:
 def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     """Find a hump in the periodograms of the residual block means; None if noise makes it with a probability above ``alarm``.
 
-    No hump is looked for behind a low-pass whose knee lies within the examined frequencies. Samples then scatter much less than
-    block means say.
+    Behind a low-pass, samples scatter less within blocks than block means say. If they scatter much less, no hump is looked
+    for. If they scatter less, the knee may lie within the examined frequencies.
     """
     from scipy.integrate import trapezoid
 
     cells = _pooled(fit)
-    if cells is None or not _white_beyond(fit, cells):
+    scatter = None if cells is None else _scatter(fit, cells)
+    if cells is None or scatter is None or scatter <= POLICY.white_beyond:
         return None
     f = cells.frequency_hz
-    knees = 1 / (1 + (f / np.array(KNEES_HZ)[:, None, None]) ** 4)  # second-order Butterworth filters
-    noises = np.stack([np.ones_like(f), f[0] / f, (f[0] / f) ** 2]) * knees
+    filters = [(knee_hz, 2) for knee_hz in KNEES_HZ]
+    if scatter < POLICY.white_within:
+        filters += [(knee_hz, order) for knee_hz in LOW_KNEES_HZ for order in ORDERS]
+    low_passes = [1 / (1 + (f / knee_hz) ** (2 * order)) for knee_hz, order in filters]
+    noises = np.stack([np.ones_like(f), f[0] / f, (f[0] / f) ** 2]) * np.array(low_passes)[:, None]
     without, _ = _fitted(noises, cells)
     noise = noises[int(np.argmax(without))]
     centres = np.geomspace(f[0], f[-1], CENTRES + 2)[1:-1]
@@ -90,15 +96,18 @@ def _pooled(fit: AxisFit) -> _Cells | None:
     return _Cells(np.bincount(cell, runs * frequency) / count, np.bincount(cell, ratio) / count, count / HANN_NEIGHBOURS)
 
 
-def _white_beyond(fit: AxisFit, cells: _Cells) -> bool:
-    """True if the samples within blocks scatter as behind no low-pass, or behind one beyond the examined frequencies."""
+def _scatter(fit: AxisFit, cells: _Cells) -> float | None:
+    """The scatter of samples within blocks over that of white noise with the density of the fastest block means.
+
+    It is None if there are too few samples.
+    """
     count = sum(b.within_n for b in fit.design.blocks)
     if count < POLICY.least_scatter:
-        return False
+        return None
     scatter = sum(b.within_ss[fit.design.axis] for b in fit.design.blocks) / count
     fast = cells.frequency_hz > 0.5 * cells.frequency_hz[-1]
     level = float(np.average(cells.power[fast], weights=cells.looks[fast]))
-    return bool(scatter > POLICY.white_beyond * level * fit.noise.white_sd_dps**2)
+    return float(scatter / (level * fit.noise.white_sd_dps**2))
 
 
 def _fitted(parts: Array, cells: _Cells) -> tuple[Array, Array]:
