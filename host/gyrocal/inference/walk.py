@@ -132,23 +132,38 @@ class _Offsets:
         """Profile log-likelihood beside independent offsets of the likeliest spread."""
         return self._likeliest([np.eye(runs.size) for runs in self.walks.runs])[0]
 
-    def _likeliest(self, roots: Sequence[Array]) -> tuple[float, float]:
-        unit_dps = float(np.median(self._se_dps[np.concatenate(self.walks.runs)]))
-        return max((self._beside([size * root for root in roots]), size) for size in (unit_dps * STEPS).tolist())
-
     def free(self) -> float:
         """Profile log-likelihood with free offsets of all runs. It does not depend on how wide their spread is."""
         wide_dps = FREE * np.maximum(self._se_dps, float(self.fit.design.column_rms[0]))
         of_runs = [wide_dps[runs] for runs in self.walks.runs]
-        return self._beside([np.diag(wide) for wide in of_runs]) + float(np.sum(np.log(np.concatenate(of_runs))))
+        return self._beside(self._modes([np.diag(wide) for wide in of_runs])) + float(np.log(np.concatenate(of_runs)).sum())
 
-    def _beside(self, roots: Sequence[Array]) -> float:
-        """Profile log-likelihood with offsets whose covariance has these roots [r, k], one for each power cycle."""
-        design, pairs = self.fit.design, list(zip(self.walks.runs, roots, strict=True))
-        beside = [_beside(self.grams[runs], self.walks.bias, root) for runs, root in pairs]
-        logdet = np.array([self.logdet[runs].sum() + more for (runs, _), (_, more) in zip(pairs, beside, strict=True)])
+    def _likeliest(self, roots: Sequence[Array]) -> tuple[float, float]:
+        """Profile log-likelihood at the likeliest multiple of the roots, and that multiple."""
+        unit_dps = float(np.median(self._se_dps[np.concatenate(self.walks.runs)]))
+        modes = self._modes(roots)
+        return max((self._beside(modes, size), size) for size in (unit_dps * STEPS).tolist())
+
+    def _modes(self, roots: Sequence[Array]) -> list[tuple[Array, Array]]:
+        """The modes of offsets whose covariance has these roots [r, k], one for each power cycle.
+
+        They are independent, and each has an information in the data [k] and products with the columns [k, q].
+        """
+        out, bias = [], self.walks.bias
+        for runs, root in zip(self.walks.runs, roots, strict=True):
+            known, vectors = np.linalg.eigh(root.T @ (self.grams[runs, bias, bias][:, None] * root))
+            out.append((np.maximum(known, 0.0), vectors.T @ (root.T @ self.grams[runs, bias])))
+        return out
+
+    def _beside(self, modes: Sequence[tuple[Array, Array]], size: float = 1.0) -> float:
+        """Profile log-likelihood with the offsets of these modes, times ``size``, integrated out."""
+        design, grams, logdet = self.fit.design, [], []
+        for runs, (known, products) in zip(self.walks.runs, modes, strict=True):
+            weight = size**2 / (1 + size**2 * known)
+            grams.append(self.grams[runs].sum(axis=0) - (products.T * weight) @ products)
+            logdet.append(float(self.logdet[runs].sum() + np.log1p(size**2 * known).sum()))
         shared, n = replace(design.layout, run=(), run_group=()), int(design.n_blocks.sum())
-        equations = Equations(shared, np.array([gram for gram, _ in beside]), logdet, np.arange(len(beside)), n)
+        equations = Equations(shared, np.array(grams), np.array(logdet), np.arange(len(grams)), n)
         return equations.solve(Spreads(np.zeros(0), self.fit.spreads.scenario)).profile_loglik
 
 
@@ -162,14 +177,3 @@ def _forgetting(noises: Iterable[Noise]) -> list[Noise]:
     parts = [(noise, part) for noise in noises for part in (FORGETS if noise.ou_sd_dps > 0 else (1.0,))]
     tried = (replace(one, ou_sd_dps=one.ou_sd_dps * part**0.5, ou_tau_s=one.ou_tau_s * part) for one, part in parts)
     return list(dict.fromkeys(tried))
-
-
-def _beside(grams: Array, bias: int, root: Array) -> tuple[Array, float]:
-    """The sum of normal equations [r, q, q] beside random offsets of the runs, and what these add to the log-determinant.
-
-    ``root`` [r, k] is a root of the offsets' covariance.
-    """
-    products = root.T @ grams[:, bias]
-    chol = np.linalg.cholesky(np.eye(root.shape[1]) + root.T @ (grams[:, bias, bias][:, None] * root))
-    half = np.linalg.solve(chol, products)
-    return grams.sum(axis=0) - half.T @ half, 2 * float(np.log(np.diagonal(chol)).sum())
