@@ -5,6 +5,7 @@ import json
 import socket
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -301,7 +302,9 @@ def test_an_announced_device_is_found(
     def on_loopback() -> list[str]:
         return announced_ports(["127.0.0.1"])
 
-    with Zeroconf(["127.0.0.1"], ip_version=IPVersion.V4Only) as announcer:
+    with ThreadPoolExecutor(1) as pool:  # no event loop runs there, whatever ran in this thread before
+        made = pool.submit(Zeroconf, ["127.0.0.1"], ip_version=IPVersion.V4Only).result()
+    with made as announcer:
         announcer.register_service(info)
         assert on_loopback() == [board.port]
         with pytest.raises(DeviceError, match="wants its token"):

@@ -23,6 +23,7 @@ ALLOWED = {
     ("host/gyrocal/calibration/budget.py", "drift"): "a source of error in the budget",
     ("host/gyrocal/simulation/hands.py", "misalignment"): "a key of the truth file",
     ("host/gyrocal/simulation/hands.py", "clock_error"): "a key of the truth file",
+    ("model_export/gyrocal_export/gyrocal_header.py", "bias"): "an array of a layer",
     ("host/gyrocal/present/notebook.py", "scale"): "a label of an axis of a picture",
     **{
         (f"host/gyrocal/calibration/targets/{target}.py", name): "what another program's file holds"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from gyrocal.device.address import WITH_TOKEN
 from gyrocal.device.port import BAUD, Link, Port, open_port
@@ -35,6 +36,11 @@ def announced_ports(interfaces: Sequence[str] | None = None) -> list[str]:
     """
     if not _hears_announcements():
         return []
+    with ThreadPoolExecutor(1) as pool:  # in a thread where an event loop runs, zeroconf would wait for itself
+        return pool.submit(_announced, interfaces).result()
+
+
+def _announced(interfaces: Sequence[str] | None) -> list[str]:
     from zeroconf import InterfaceChoice, IPVersion, ServiceBrowser, Zeroconf
 
     names: set[str] = set()

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, maximise, unknown_spreads
+from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, level_of, maximise, unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
 
@@ -220,7 +220,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     begin = np.concatenate([
         noise_scale.coordinates(first), scale.coordinates(np.concatenate([spreads.run, spreads.scenario]))
     ])  # fmt: skip
-    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds])
+    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds], level_of(design))
     noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])
     if noise_scale.drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)
