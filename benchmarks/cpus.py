@@ -24,15 +24,19 @@ def table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
-    text = table()
+def put(text: str, begin: str, end: str) -> None:
+    """Print a table, or put it between its marks in the file that the command line names."""
     if len(sys.argv) == 1:
         print(text, end="")
         return
     path = Path(sys.argv[1])
-    before, _, rest = path.read_text().partition(BEGIN)
-    _, _, after = rest.partition(END)
-    path.write_text(before + BEGIN + text + END + after)
+    before, _, rest = path.read_text().partition(begin)
+    _, _, after = rest.partition(end)
+    path.write_text(before + begin + text + end + after)
+
+
+def main() -> None:
+    put(table(), BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -8,12 +8,11 @@ python -m benchmarks.fixed_point                    prints it (half a minute)
 python -m benchmarks.fixed_point docs/network.md    puts it between the marks in that file
 """
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from benchmarks.cpus import put
 from benchmarks.paper import SEEDS
 from benchmarks.paper_campaign import FIRST_SEED, MOST, SECONDS, Campaign
 from benchmarks.population import KINDS, SEED, SENSORS, W_DPS, Population
@@ -83,14 +82,7 @@ def rows() -> Iterator[list[str]]:
 def main() -> None:
     lines = ["| " + " | ".join(COLUMNS) + " |", "| --- | --- |" + " ---: |" * (len(COLUMNS) - 2)]
     lines += ["| " + " | ".join(row) + " |" for row in rows()]
-    text = "\n".join(lines) + "\n"
-    if len(sys.argv) == 1:
-        print(text, end="")
-        return
-    path = Path(sys.argv[1])
-    before, _, rest = path.read_text().partition(BEGIN)
-    _, _, after = rest.partition(END)
-    path.write_text(before + BEGIN + text + END + after)
+    put("\n".join(lines) + "\n", BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,16 @@
 /* Any bytes and steps of a connection by radio: nothing waits before the token, what is taken are the accepted lines, in order and
    whole, and no more waits than there is room for. Standalone: random steps. For libFuzzer: clang -fsanitize=fuzzer -DGC_LIBFUZZER. */
+#include "fuzz.h"
 #include "gc_error.h"
 #include "gc_remote.h"
 
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #define ROOM 200u
 #define TOKEN "m5Qb0Xw2r_K7-tYz"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
 
 static gc_remote_t remote;
 static char queue[ROOM], expected[ROOM];
 static size_t expected_n;
 static uint64_t now_us;
-
-static void must(int condition, const char *what) {
-    if (!condition) {
-        fprintf(stderr, "fuzz_remote: %s\n", what);
-        abort();
-    }
-}
 
 static void end(void) {
     gc_remote_disconnect(&remote);
@@ -34,8 +21,8 @@ static void hear(const char *text, size_t n) {
     for (size_t i = 0; i < n; i++) {
         const gc_remote_state_t before = remote.state;
         const int got = gc_remote_hear(&remote, text[i], now_us);
-        must(got == 0 || (got == 1 && before == GC_REMOTE_READER) || (got == GC_E_TOKEN && before == GC_REMOTE_STRANGER), "heard");
-        must(got != 1 || remote.reader.n <= sizeof remote.line, "a command longer than its line");
+        fuzz_must(got == 0 || (got == 1 && before == GC_REMOTE_READER) || (got == GC_E_TOKEN && before == GC_REMOTE_STRANGER), "heard");
+        fuzz_must(got != 1 || remote.reader.n <= sizeof remote.line, "a command longer than its line");
         if (got < 0) {
             end();
         }
@@ -47,8 +34,8 @@ static void tell(uint8_t size, uint8_t kind) {
     memset(line, 'a' + kind % 26, sizeof line);
     memcpy(line, kind % 3u == 0u ? "$RAW" : "$ACK", 4);
     const int told = gc_remote_tell(&remote, line, size);
-    must(told == 0 || told == size, "a line that was taken in part");
-    must(told == 0 || remote.state == GC_REMOTE_READER, "told before the token");
+    fuzz_must(told == 0 || told == size, "a line that was taken in part");
+    fuzz_must(told == 0 || remote.state == GC_REMOTE_READER, "told before the token");
     memcpy(expected + expected_n, line, (size_t)told);
     expected_n += (size_t)told;
 }
@@ -56,8 +43,8 @@ static void tell(uint8_t size, uint8_t kind) {
 static void take(uint8_t most) {
     const char *waits = NULL;
     const size_t n = gc_remote_waiting(&remote, most, &waits, now_us);
-    must(n <= most && n <= expected_n, "more than waits");
-    must(n == 0u || memcmp(waits, expected, n) == 0, "other bytes than were told");
+    fuzz_must(n <= most && n <= expected_n, "more than waits");
+    fuzz_must(n == 0u || memcmp(waits, expected, n) == 0, "other bytes than were told");
     gc_remote_took(&remote, n, now_us);
     expected_n -= n;
     memmove(expected, expected + n, expected_n);
@@ -96,23 +83,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
                 end();
             }
         }
-        must(remote.n <= sizeof queue && remote.n == expected_n && remote.first < sizeof queue, "the queue");
+        fuzz_must(remote.n <= sizeof queue && remote.n == expected_n && remote.first < sizeof queue, "the queue");
     }
     return 0;
 }
-
-#ifndef GC_LIBFUZZER
-int main(int argc, char **argv) {
-    const long rounds = argc > 1 ? atol(argv[1]) : 3000;
-    uint64_t state = 88172645463325252u;
-    for (long k = 0; k < rounds; k++) {
-        uint8_t data[600];
-        for (size_t i = 0; i < sizeof data; i++) {
-            state = state * 6364136223846793005u + 1442695040888963407u;
-            data[i] = (uint8_t)(state >> 40);
-        }
-        (void)LLVMFuzzerTestOneInput(data, sizeof data);
-    }
-    return 0;
-}
-#endif
