@@ -103,3 +103,16 @@ def same_in_each_run(runs: Sequence[Run]) -> list[Effect]:
 def by_temperature() -> Effect:
     """A bias and a scale in proportion to the measured temperature."""
     return _Mistaken(lambda run, axis, values: stack(warming_c(run), warming_c(run) * rate_about(run, axis)), 2)
+
+
+def over_temperature(runs: Sequence[Run]) -> Effect:
+    """A bias that is any smooth function of the measured temperature."""
+    known = [run.temp_c for run in runs if run.temp_c is not None]
+    low_c, high_c = min(float(t.min()) for t in known), max(float(t.max()) for t in known)
+
+    def columns(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if run.temp_c is None:
+            return np.zeros((len(run), COSINES))
+        return UNIT_DPS * cosines((run.temp_c - low_c) / max(high_c - low_c, 1e-9), COSINES).T
+
+    return _Mistaken(columns, COSINES)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.mistaken import over_temperature
 from gyrocal.effects.quantities import temperature_by_second
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once_a_run
@@ -69,9 +70,9 @@ class ThermalHysteresis(Effect):
     def structure(self, values: Mapping[str, float]) -> Values:
         return super().structure(values) | {"start": values.get("start", 0.0)}
 
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """True if power cycles reach both branches, wherever they begin. Within the width, a hysteresis is a line."""
-        return _both_ways_c(runs) >= values["width_c"]
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """Any function of the temperature: where all runs go the same way from the same temperature, a hysteresis is one."""
+        return [over_temperature(runs)]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.temp_c is None:

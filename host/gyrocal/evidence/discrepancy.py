@@ -38,6 +38,8 @@ LEAST_RANGE = 1e-6
 """A variable that moves by less than this part of its size does not move."""
 LEAST_SPREAD = 0.05
 """Speeds that differ by less than this part of their size are one speed."""
+SLOW = 0.05
+"""Rate, as a part of its rms, below which the direction of the table is not taken as known."""
 THE_SAME = 1e-3
 """Of two variables that differ by less than this part of their range, in this session, the first stands for both."""
 
@@ -48,7 +50,7 @@ Factor = Callable[[Run], Array]
 
 @dataclass(frozen=True)
 class Shape:
-    """A smooth function of one variable, ``against``, alone or times the true rate or its size (``times``).
+    """A smooth function of one variable, ``against``, alone or times the true rate, its size or its sign (``times``).
 
     ``line`` [2, COSINES] is what a constant and a line explain of each cosine, if that part is taken out.
     """
@@ -123,7 +125,7 @@ def _line(course: Array) -> Array:
 
 
 def _factors(runs: Sequence[Run]) -> list[Factor]:
-    """The true rate of the table, about whatever axis it turns, and its size, if it is neither constant nor the rate itself."""
+    """The true rate of the table, about whatever axis it turns, and its size and sign, if it has several sizes and both signs."""
     rates_dps = np.concatenate([true_rate_dps(run) for run in runs])
     rms_dps = float(np.sqrt(np.mean(rates_dps**2)))
     if not rms_dps:
@@ -137,7 +139,13 @@ def _factors(runs: Sequence[Run]) -> list[Factor]:
     def speed(run: Run) -> Array:
         return np.abs(rate(run))
 
-    return [rate] if one_way or float(np.std(speeds_dps)) < LEAST_SPREAD * rms_dps else [rate, speed]
+    def direction(run: Run) -> Array:
+        """The sign of the rate, which goes through zero where the table turns slowly."""
+        return np.asarray(np.tanh(rate(run) / SLOW))
+
+    if float(np.std(speeds_dps)) < LEAST_SPREAD * rms_dps:
+        return [rate]
+    return [rate] if one_way else [rate, speed, direction]
 
 
 def _variables(runs: Sequence[Run]) -> list[tuple[str, Callable[[Run], Array | None]]]:

@@ -210,9 +210,8 @@ def _forms(effect: Effect, runs: Sequence[Run], axis: int) -> Iterator[Option]:
         count = max(2, round(np.log(high / low) / np.log(GRID)))
         for at in np.geomspace(low, high, count):
             form = {**values, nonlinear[0]: float(at)}
-            if effect.observable(form, runs):
-                half = np.log(high / low) / (count - 1) / 2
-                yield Option(effect, form, np.concatenate([sizes, sizes * half / np.sqrt(3)]), nonlinear[0])
+            half = np.log(high / low) / (count - 1) / 2
+            yield Option(effect, form, np.concatenate([sizes, sizes * half / np.sqrt(3)]), nonlinear[0])
 
 
 def _size(effect: Effect, name: str) -> tuple[float, float]:
