@@ -88,6 +88,26 @@ def first_noises(design: Design, white0: float) -> list[Noise]:
     return [Noise(white0, white0 / part, tau_s) for tau_s in times_s for part in (10, 40)]
 
 
+def likeliest_start(design: Design, *others: AxisFit) -> AxisFit:
+    """The likeliest of ``others``, fits of this design, and of those at :func:`first_noises`, each at the level that it finds.
+
+    A search that begins elsewhere may end at a lesser maximum: a fast drift explains noise of another colour as well as it can.
+    """
+    scale = NoiseScale.of(design)
+    starts = [with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design, scale.white_sd_dps)]
+    return max([*others, *(_at_its_level(fit, scale.bounds[0]) for fit in starts)], key=lambda fit: fit.loglik)
+
+
+def _at_its_level(fit: AxisFit, bounds: tuple[float, float]) -> AxisFit:
+    """The fit with all noise times the factor that its residuals give, as far as the white level stays within its ``bounds``."""
+    freedom = int(fit.design.n_blocks.sum()) - fit.solution.beta.size
+    if freedom <= 0 or not fit.solution.chi2 > 0:
+        return fit
+    log_white = float(np.log(fit.noise.white_sd_dps))
+    level = float(np.clip(log_white + np.log(fit.solution.chi2 / freedom) / 2, *bounds))
+    return with_noise(fit.design, fit.noise.times(float(np.exp(level - log_white))), fit.spreads)
+
+
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
     """Spreads to begin with for a design with further terms, or with another part of the samples: those of ``old`` and unknown
     ones for new terms. All are unknown where the samples determine fewer of them.
@@ -174,13 +194,12 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     The search begins at the noise of ``start``, or at the likeliest of :func:`first_noises`.
     """
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
-    noises = first_noises(design, noise_scale.white_sd_dps)
-    if start is None and len(noises) > 1:
-        start = max((with_noise(design, noise, unknown_spreads(design)) for noise in noises), key=lambda fit: fit.loglik)
-    first, spreads = (noises[0], unknown_spreads(design)) if start is None else (start.noise, start.spreads)
+    if start is None:
+        start = likeliest_start(design)
+    first, spreads = start.noise, start.spreads
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), spreads.run.size
-    scale = SpreadScale.of(design, design.grams(first)[0] if start is None else start.grams)
+    scale = SpreadScale.of(design, start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
     def grams_near(of_drift: Array) -> tuple[Array, Array]:

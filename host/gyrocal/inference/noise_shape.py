@@ -12,7 +12,7 @@ import numpy as np
 
 from gyrocal.inference.blocks import BLOCK_S, Blocks, known_dps
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
+from gyrocal.inference.noise_search import fit_noise, likeliest_start, white_start, with_noise
 from gyrocal.inference.turns import with_errors_of_turns
 from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.steady import relative_levels
@@ -163,7 +163,7 @@ def _better(current: AxisFit, trial: AxisFit) -> AxisFit:
 
 def _refitted(current: AxisFit, color: Color) -> AxisFit:
     design = current.design.colored(color)
-    return fit_noise(design, start=with_noise(design, current.noise, current.spreads))
+    return fit_noise(design, start=likeliest_start(design, with_noise(design, current.noise, current.spreads)))
 
 
 def _weighted(current: AxisFit) -> AxisFit | None:

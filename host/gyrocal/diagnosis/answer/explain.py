@@ -5,7 +5,8 @@ itself comes before one of several that cannot be told apart, because they often
 whose signals overlap with its signal, including those that an earlier step added, are compared as sets
 (:mod:`gyrocal.diagnosis.naming.sets`). What every equally good set contains is added. What only some of them contain stays
 open, with the measurement that decides. A step is taken back if it decreases neither the held-out excess of all axes nor the
-held-out error of one of its own.
+held-out error of one of its own, unless tests and evidence are sure of its effect: the likelihood of held-out data, on which a
+name rests, knows what is noise, and sees effects that their squares do not.
 """
 
 from __future__ import annotations
@@ -217,11 +218,11 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
         return alone
     tested = sum(c.decision != "not_measurable" for c in diagnosis.candidates)
     choice = choose(without(current, reconsidered), again, tested)
-    if not choice.certain and (not choice.open or (lead.named and lead.sure)):
-        return alone  # held-out gains alone may leave open what the evidence decides
     stay = {e.id for e in choice.certain} | set(choice.open)
     unsupported = {c.effect.id for c in diagnosis.candidates if c.axis == lead.axis and not c.supported}
     new = tuple(e for e in choice.certain if e.id not in earlier and e.id not in unsupported)
+    if not new and (not stay or (lead.named and lead.sure)):
+        return alone  # held-out gains alone may leave open, or give to another effect, what the evidence decides
     return _Plan(lead, new, tuple(i for i in reconsidered if i not in stay), _open(diagnosis, lead, choice.open))
 
 
@@ -263,8 +264,9 @@ def _taken(
     following = diagnose(session, richer, progress=progress)
     before, after = with_floor_of(last.comparison, following.comparison), following.comparison
     falls = [within for within in (False, True) if _falls(before, after, within)]
-    if not falls and any(_removed_power(before, after, axis) > 0 for axis in axes):
-        falls = [False]  # so small that it drowns in the noise of the other axes
+    of_lead = plan.lead.named and plan.lead.sure and plan.lead.effect in plan.new
+    if not falls and (of_lead or any(_removed_power(before, after, axis) > 0 for axis in axes)):
+        falls = [False]  # so small that it drowns in the noise of the other axes, or below what the held-out likelihood shows
     if not falls:
         refused.add(key)
         return None
