@@ -140,9 +140,19 @@ def test_an_excess_of_the_angles_beyond_its_errors_is_a_misfit() -> None:
     assert found.verdict == "misfit"
     assert [f.axis for f in found.where] == ["y"]
     assert "than noise leaves" in found.where[0].note
-    level = found.angles and found.angles.level("y")
-    assert level
-    assert level.excess_deg > 3 * level.excess_se_deg
+    assert found.angles
+    assert found.angles.within["y"].chance < 1e-9
+
+
+def test_an_excess_of_few_turns_has_the_error_of_few_squares() -> None:
+    """A sum of five squares exceeds three of its standard deviations once in fifty times: such turns were a misfit."""
+    for seed in range(30):
+        found = measure(by_hand(100 + seed))
+        assert found.verdict == "adequate"
+        assert found.angles is not None
+        levels = [found.angles.level(axis) for axis in AXES]
+        assert all(x.excess_deg < 3 * x.excess_se_deg for x in levels)
+        assert min(found.angles.within[axis].chance for axis in AXES) > 1e-3
 
 
 def test_turns_name_what_their_errors_do_not_explain_and_nothing_else() -> None:

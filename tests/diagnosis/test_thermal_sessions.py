@@ -7,10 +7,6 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
-from gyrocal.diagnosis.naming.judge import judge
-from gyrocal.diagnosis.naming.sets import fitted_together
-from gyrocal.diagnosis.naming.standing_model import Current
-from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.effects.base import effect
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.error_model.model import Model
@@ -90,17 +86,36 @@ def swinging(p_s, t_s, cycle, face, mean_c):
     return mean_c + 1.5 * np.sin(2 * np.pi * (cycle / 4 + face / 8 + t_s / 40))
 
 
-def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_a_line_over_temperature():
-    """Its play operator never moves, and bias_temperature and thermal_hysteresis were named as a group."""
-    compared = measure(thermal(0, swinging, 45.0))
-    current = Current.of(compared, "z")
-    line, loop = (judge(current, effect(i)) for i in ("bias_temperature", "thermal_hysteresis"))
-    assert line.gain > 0
-    assert loop.values["width_c"] > 3.0
-    assert loop.gain is None  # not tested further
-    assert fitted_together(current, [effect("thermal_hysteresis")]) is None
-    runs = compared.fit.session.runs
-    assert [effect("thermal_hysteresis").observable({"width_c": w}, runs) for w in (2.9, 3.2)] == [True, False]
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_a_line_over_temperature(seed):
+    """Its play operator hardly moves, and bias_temperature and thermal_hysteresis were named as a group."""
+    found = diagnose(thermal(seed, swinging, 45.0))
+    assert found.verdict == "add"
+    assert found.best.group == ("bias_temperature",)
+    assert candidate(found, "thermal_hysteresis").decision != "add"
+    assert candidate(found, "thermal_hysteresis").log_odds < 0
+
+
+def test_a_hysteresis_is_named_where_the_way_back_is_shorter_than_its_width():
+    """One branch and the way between them show it. A line over temperature was named with certainty, for want of the other."""
+    rng, t_s, made = np.random.default_rng(2), np.arange(3000) / 25.0, []
+    for cycle in range(4):
+        offset = rng.normal(0, 0.005, 3)
+        # up by 6 degC, and back by 4
+        course_c = np.concatenate([22 + 6 * t_s / t_s[-1], 28 - 4 * t_s / t_s[-1]]) + rng.normal(0, 1)
+        loop = np.split(0.05 * (course_c - play_c(course_c, 2.5, start=1.0)) / 2.5, 2)
+        for face, part, temp_c in zip(("up", "down"), loop, np.split(course_c, 2), strict=True):
+            gyro = rng.normal(0, 0.044, (t_s.size, 3)) + offset
+            gyro[:, 2] += part + (78.0 if face == "up" else -78.0)
+            made.append(make_run(
+                t_s, gyro, face=face, scenario=f"s{cycle}", power_on_s=5.0 + 125.0 * (face == "down"),
+                temp_c=temp_c + rng.normal(0, 0.02, t_s.size),
+            ))  # fmt: skip
+    found = diagnose(make_session(*made))
+    assert found.verdict == "add"
+    assert found.best.group == ("thermal_hysteresis",)
+    assert abs(found.best.values["width_c"] - 5.0) < 4 * found.best.se["width_c"]
+    assert not candidate(found, "bias_temperature").named
 
 
 def test_a_one_way_ramp_in_a_hot_chamber_is_ambiguous():

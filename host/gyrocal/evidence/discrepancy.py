@@ -125,7 +125,7 @@ def _line(course: Array) -> Array:
 
 
 def _factors(runs: Sequence[Run]) -> list[Factor]:
-    """The true rate of the table, about whatever axis it turns, and its size and sign, if it has several sizes and both signs."""
+    """The true rate of the table about whatever axis it turns, and its size and sign if it has several sizes and both signs."""
     rates_dps = np.concatenate([true_rate_dps(run) for run in runs])
     rms_dps = float(np.sqrt(np.mean(rates_dps**2)))
     if not rms_dps:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, level_of, maximise, unknown_spreads
+from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, maximise, unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
 
@@ -16,6 +16,9 @@ LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
 BELOW, ABOVE = 0.2, 3.0
 """Logarithms of the ratios by which the white level may be below and above its start: colour raises it."""
+ABOVE_OF_TURNS = 2.0
+"""The same above the scatter of samples where only net angles are known: no drift is searched for, and a few turns that scatter
+more than their samples and their own errors allow are a misfit."""
 LEAST_BENDS = 30
 """Second differences of block means from which on they show the noise."""
 FAST_S = 20.0
@@ -99,7 +102,7 @@ def likeliest_start(design: Design, *others: AxisFit) -> AxisFit:
 
 
 def _at_its_level(fit: AxisFit, bounds: tuple[float, float]) -> AxisFit:
-    """The fit with all noise times the factor that its residuals give, as far as the white level stays within its ``bounds``."""
+    """The fit with all noise times the factor that its residuals give, with a white level within its ``bounds``."""
     freedom = int(fit.design.n_blocks.sum()) - fit.solution.beta.size
     if freedom <= 0 or not fit.solution.chi2 > 0:
         return fit
@@ -155,7 +158,8 @@ class NoiseScale:
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
         unit = float(white0**2 / (longest_s / block_s * samples)) / longest_s
-        bounds = [(float(np.log(white0)) - BELOW, float(np.log(white0)) + ABOVE)]
+        above = ABOVE_OF_TURNS if all(b.run.rate_is_mean for b in design.blocks) else ABOVE
+        bounds = [(float(np.log(white0)) - BELOW, float(np.log(white0)) + above)]
         slow_s = max(SLOW_S, 5 * block_s)
         least = 1 / max(4 * slow_s, 5 * longest_s)
         if _drifts(design):
@@ -239,7 +243,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     begin = np.concatenate([
         noise_scale.coordinates(first), scale.coordinates(np.concatenate([spreads.run, spreads.scenario]))
     ])  # fmt: skip
-    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds], level_of(design))
+    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds])
     noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])
     if noise_scale.drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)

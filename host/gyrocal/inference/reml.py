@@ -22,7 +22,7 @@ from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
-TOLERANCE = 1e-3
+TOLERANCE = 1e-4
 """A search for noise and spreads ends when a step gains less log-likelihood."""
 LEVEL = 1e-2
 """It also ends where the log-likelihood rises by less for each unit of the coordinates."""
@@ -337,22 +337,14 @@ class SpreadScale:
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
-def level_of(design: Design) -> float | None:
-    """The ``level`` at which a search on a design ends.
-
-    With turns of known angle alone, noise at its bound leaves a misfit to the spreads, which stay near their start there.
-    """
-    return None if all(b.run.rate_is_mean for b in design.blocks) else LEVEL
-
-
 def maximise(
-    loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]], level: float | None = LEVEL
-) -> Array:
+    loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]]
+) -> Array:  # fmt: skip
     """The coordinates of the maximum of a log-likelihood, which is given with its derivatives.
 
     L-BFGS-B goes the whole gradient in its first step if every coordinate is bounded. The gradient of a log-likelihood grows
     with the data, so that step would end in a corner of the bounds. The cost is therefore scaled to a gradient of
-    ``FIRST_STEP``. The search ends at a slope of ``level``, or if that is None, at a small part of the first one.
+    ``FIRST_STEP``.
     """
     from scipy.optimize import minimize
 
@@ -365,7 +357,7 @@ def maximise(
         return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
 
     enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
-    options = {"maxiter": 60, "ftol": enough, "gtol": 1e-5 if level is None else level * scale}
+    options = {"maxiter": 60, "ftol": enough, "gtol": LEVEL * scale}
     found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(found.x)
 
@@ -383,7 +375,7 @@ def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads
         return solution.loglik, scale.slopes(x, slopes)
 
     begin = scale.coordinates(np.concatenate([start.run, start.scenario]))
-    x = maximise(loglik, begin, scale.bounds, level_of(design))
+    x = maximise(loglik, begin, scale.bounds)
     sd = scale.settled(x)
     return Spreads(sd[:k], sd[k:])
 

@@ -14,14 +14,19 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from gyrocal import tails
 from gyrocal.diagnosis.residual.levels import excess_of
 from gyrocal.effects.quantities import grid_dps
 from gyrocal.inference import heldout
-from gyrocal.inference.excess_error import angles_of_samples, end_noise_deg, net_angles
-from gyrocal.inference.fitted import Fit
+from gyrocal.inference.excess_error import angles_of_samples, end_noise_deg, net_angles, of_skewed
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
+from gyrocal.inference.reml import Equations, Spreads
 from gyrocal.recording.measured_rates import ANGLE
 from gyrocal.recording.session import AXES, Array, Run, Session
+
+FREE = 1e3
+"""A spread over power cycles, deg/s or a ratio, at which each has its own bias and scale."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,8 @@ class Angles:
     """True for a row a sample, False for a row a run."""
     freedom: dict[str, int] = field(default_factory=dict, repr=False)
     """Net angles of each axis less the fitted coefficients: the noise of net angles is estimated from as few of them."""
+    within: dict[str, WithinCycles] = field(default_factory=dict, repr=False)
+    """What net angles leave within power cycles, by axis."""
 
     @staticmethod
     def of(fitted: Fit, folds: Sequence[Fold], of_model: Mapping[str, Array] | None = None) -> Angles:
@@ -88,7 +95,8 @@ class Angles:
             table = pl.DataFrame([_net_angle(p) for p in held])
             noise = {name: net_angles(axis, folds, errors.get(name)) for name, axis in fitted.axes.items()}
             freedom = {a: max(1, len(f.design.blocks) - len(f.design.layout.fixed)) for a, f in fitted.axes.items()}
-            return Angles(table, bool(folds), noise, freedom=freedom)
+            within = {a: WithinCycles.of(f) for a, f in fitted.axes.items()}
+            return Angles(table, bool(folds), noise, freedom=freedom, within=within)
         table = pl.concat([_of_samples(p) for p in held])
         noise = {}
         for name, axis in fitted.axes.items():
@@ -108,10 +116,43 @@ class Angles:
         power = sum(float(np.trace(self.noise[a])) for a in names) / n
         if not count:
             return Level(None, float(np.sqrt(power)))
-        estimated = sum(float(np.trace(self.noise[a])) ** 2 / self.freedom[a] for a in names if a in self.freedom)
-        error = float(np.sqrt(2 * (sum(float(np.sum(self.noise[a] ** 2)) for a in names) + estimated))) / n
+        freedom = [self.freedom.get(a, np.inf) for a in names]
+        error = _error([self.noise[a] for a in names], freedom) / n
         squares = float(((mine["measured_deg"] - mine["modelled_deg"]) ** 2).sum()) / n
         return Level.of(squares, power, error, power / n, count)
+
+
+
+def _error(noise: Sequence[Array], freedom: Sequence[float]) -> float:
+    """The standard error of a sum of squares with these covariances [k, k], each estimated from so many squares."""
+    variance = 2 * sum(float(np.sum(of**2)) for of in noise)
+    estimated = 2 * sum(float(np.trace(of)) ** 2 / count for of, count in zip(noise, freedom, strict=True))
+    third = 8 * sum(float(np.sum(of @ of * of.T)) for of in noise)
+    return float(np.sqrt(variance + estimated)) * (of_skewed(third / variance**1.5) if variance > 0 else 1.0)
+
+
+@dataclass(frozen=True)
+class WithinCycles:
+    """What the net angles of an axis leave in sample if each power cycle has a bias and a scale of its own.
+
+    ``ratio`` is the mean square of what is left over that of noise, and ``chance`` the probability that noise leaves as much. A
+    spread of the bias over a few power cycles is hardly known, and hides what a single turn has in excess.
+    """
+
+    ratio: float
+    chance: float
+
+    @staticmethod
+    def of(axis: AxisFit) -> WithinCycles:
+        """The chi-square of one axis at its fitted noise; a ratio of 1 if no freedom is left."""
+        layout, n = axis.design.layout, int(axis.design.n_blocks.sum())
+        equations = Equations(layout, axis.grams, axis.logdet, axis.design.scenarios, n)
+        apart = Spreads(axis.spreads.run, np.full(len(layout.scenario), FREE))
+        freedom = n - len(layout.fixed) - (np.unique(axis.design.scenarios).size - 1) * len(layout.scenario)
+        if freedom < 1:
+            return WithinCycles(1.0, 1.0)
+        left = equations.solve(apart).chi2
+        return WithinCycles(left / freedom, float(tails.chi_square(left, freedom)))
 
 
 def _of_samples(p: Prediction) -> pl.DataFrame:
