@@ -35,12 +35,17 @@ NO_THRESHOLDS = {
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
     "CELLS", "(CENTRES, WIDTHS)", "KNEES_HZ", "STEP", "FURTHEST",  # grids over which a likelihood is computed
     "LARGEST_CONDITION", "ROBUST", "NEIGHBOURS",  # of the numbers' digits, of the normal distribution, of a window
-    "TOLD",  # how many times a sentence lists
+    "TOLD",  # how many times a sentence lists, and which sets
+    "BEYOND_ROUNDING", "LEAST_LEVEL", "LEAST_APART",  # of rounding, and bounds of a division
+    "(LOW_KNEES_HZ, ORDERS)", "AMPLITUDES", "LEFT_OVER", "STATES",  # grids and priors
+    "LEFT_BETWEEN", "LEAST_CHI2", "LEAST_OF_NOISE",  # of the computation of the evidence
+    "KNOTS", "FAILED", "NAMED",  # measured shares of true names
 }
 """Numbers of the layers that judge that are no thresholds."""
 JUDGES = [
-    *sorted((HOST / "diagnosis").glob("*.py")), *sorted((HOST / "plausibility").glob("*.py")),
+    *sorted((HOST / "diagnosis").rglob("*.py")), *sorted((HOST / "plausibility").glob("*.py")),
     *sorted((HOST / "gravity").glob("*.py")), *sorted((HOST / "fleet").glob("*.py")),
+    *(HOST / f"evidence/{name}.py" for name in ("answer", "checked", "checks", "curve", "weights")),
     HOST / "inference/heldout.py", HOST / "recording/outliers.py", HOST / "calibration/trust.py",
 ]  # fmt: skip
 
