@@ -19,14 +19,14 @@ NO_THRESHOLDS = {
     "SHEPPARD",  # variance of rounding
     "HARMONICS", "LEAST", "LARGEST_NOISE",  # terms of the error of rounding that are small enough to be left out
     "RATE_UNIT_DPS",  # a unit
-    "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART", "PPM", "PERCENT", "MOST_PLACES",  # units
+    "STANDARD_GRAVITY", "DEG",  # units
     "DAYS_A_YEAR",  # a unit
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
     "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search
     "USUAL_RANGES_DPS",  # of parts on the market
     "WIDE",  # parts bands from lines, which are a percent wide
-    "EXPECTED_SD_DPS", "EARTH_DPS", "CLOCK_SE", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
+    "EXPECTED_SD_DPS", "EARTH_DPS", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
     "FLAT", "SIZES_DPS", "TAUS_S", "SIZES", "TIMES_S", "GRID", "PILOT",  # priors, and grids over which a likelihood is computed
     "ENTRIES", "LEAST_NOISE_G", "LEAST_NOISE_DPS", "NO_ERROR",  # indices; bounds of a division
     "STEPS", "CONVERGED", "ITERATIONS", "ROUNDS", "(CONVERGED_DPS, MOST_ITERATIONS)",  # of iterations
