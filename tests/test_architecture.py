@@ -13,8 +13,8 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "units", "parameter", "extras", "verbosity", "threads", "tails", "warning", "files", "policy",
-    "shown",
+    "__init__", "errors", "digits", "units", "parameter", "extras", "verbosity", "threads", "tails", "warning", "files",
+    "policy", "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
     "plausibility", "evidence", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",

@@ -25,13 +25,13 @@ from gyrocal.device.wire import Sentence
 from gyrocal.diagnosis.answer.diagnose import Diagnosis
 from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.digits import percentage
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import mdps, stdout, table
 from gyrocal.recording.session import Session
 from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.simulation.simulate import simulate
-from gyrocal.units import percentage
 
 HIDDEN = RIPPLE
 MARK = ".gyrocal-demo"

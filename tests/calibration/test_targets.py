@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from gyrocal.calibration.targets.base import bias_polynomial, render, targets
+from gyrocal.calibration.targets import targets
+from gyrocal.calibration.targets.base import bias_polynomial, render
 from gyrocal.cli import main
 from gyrocal.effects import base
 from gyrocal.error_model.correction import correct_frame

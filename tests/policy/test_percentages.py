@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.units import percentage
+from gyrocal.digits import percentage
 
 HOST = Path(__file__).resolve().parents[2] / "host/gyrocal"
 NOT_A_PART = {
-    "units.py",
     "calibrate.py", "references.py", "sizes.py", "hands.py",  # errors, and a scatter of the scale
     "doubt.py",  # limits of the policy
     "guide.py", "budget.py",  # forms of errors, and the widths of bars

@@ -19,14 +19,14 @@ NO_THRESHOLDS = {
     "SHEPPARD",  # variance of rounding
     "HARMONICS", "LEAST", "LARGEST_NOISE",  # terms of the error of rounding that are small enough to be left out
     "RATE_UNIT_DPS",  # a unit
-    "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART", "PPM", "PERCENT", "MOST_PLACES",  # units
+    "STANDARD_GRAVITY", "DEG",  # units
     "DAYS_A_YEAR",  # a unit
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
     "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search
     "USUAL_RANGES_DPS",  # of parts on the market
     "WIDE",  # parts bands from lines, which are a percent wide
-    "EXPECTED_SD_DPS", "EARTH_DPS", "CLOCK_SE", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
+    "EXPECTED_SD_DPS", "EARTH_DPS", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
     "FLAT", "SIZES_DPS", "TAUS_S", "SIZES", "TIMES_S", "GRID", "PILOT",  # priors, and grids over which a likelihood is computed
     "ENTRIES", "LEAST_NOISE_G", "LEAST_NOISE_DPS", "NO_ERROR",  # indices; bounds of a division
     "STEPS", "CONVERGED", "ITERATIONS", "ROUNDS", "(CONVERGED_DPS, MOST_ITERATIONS)",  # of iterations
@@ -35,12 +35,17 @@ NO_THRESHOLDS = {
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
     "CELLS", "(CENTRES, WIDTHS)", "KNEES_HZ", "STEP", "FURTHEST",  # grids over which a likelihood is computed
     "LARGEST_CONDITION", "ROBUST", "NEIGHBOURS",  # of the numbers' digits, of the normal distribution, of a window
-    "TOLD",  # how many times a sentence lists
+    "TOLD",  # how many times a sentence lists, and which sets
+    "BEYOND_ROUNDING", "LEAST_LEVEL", "LEAST_APART",  # of rounding, and bounds of a division
+    "(LOW_KNEES_HZ, ORDERS)", "AMPLITUDES", "LEFT_OVER", "STATES",  # grids and priors
+    "LEFT_BETWEEN", "LEAST_CHI2", "LEAST_OF_NOISE",  # of the computation of the evidence
+    "KNOTS", "FAILED", "NAMED",  # measured shares of true names
 }
 """Numbers of the layers that judge that are no thresholds."""
 JUDGES = [
-    *sorted((HOST / "diagnosis").glob("*.py")), *sorted((HOST / "plausibility").glob("*.py")),
+    *sorted((HOST / "diagnosis").rglob("*.py")), *sorted((HOST / "plausibility").glob("*.py")),
     *sorted((HOST / "gravity").glob("*.py")), *sorted((HOST / "fleet").glob("*.py")),
+    *(HOST / f"evidence/{name}.py" for name in ("answer", "checked", "checks", "curve", "weights")),
     HOST / "inference/heldout.py", HOST / "recording/outliers.py", HOST / "calibration/trust.py",
 ]  # fmt: skip
 

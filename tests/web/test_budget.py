@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.residual.rate_unit import percent
+from gyrocal.digits import percent
 from gyrocal.present.budget import shown
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.values.budget import Budget, Line, of_answers

@@ -15,7 +15,7 @@ import polars as pl
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN
+from gyrocal.digits import UNKNOWN
 from gyrocal.gravity.compare import compare, residual_table
 from gyrocal.present.output import plus_minus
 from gyrocal.recording.session import Session

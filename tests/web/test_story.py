@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.digits import percentage
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.simulation.simulate import simulate
-from gyrocal.units import percentage
 from gyrocal.web.pictures import charts
 from gyrocal.web.pictures.words import method
 

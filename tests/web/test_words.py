@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import PERCENT, rate_text
 from gyrocal.effects.bias_jumps import BiasJumps
 from gyrocal.effects.lag import Lag
 from gyrocal.effects.saturation import Saturation
 from gyrocal.effects.vibration_tone import VibrationTone
 from gyrocal.present.report import sizes
+from gyrocal.units import PERCENT, rate_text
 from gyrocal.variables.direction import CHANGING
 from gyrocal.variables.shapes import Columns, Steps, TableWave, Transient
 from gyrocal.web.device.live import Live

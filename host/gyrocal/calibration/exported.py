@@ -32,8 +32,7 @@ def export(model: Model, out: str | Path, form: str = HEADER, *, axis: str = "z"
     Args:
         model: a model with fitted values.
         out: the folder, which is made if it is not there.
-        form: ``header`` for the device's calibration.h, or c, kalibr, ros2, px4, ardupilot, imu_tk, slam,
-            vqf, json.
+        form: ``header`` for the device's calibration.h, or one of :func:`gyrocal.calibration.targets.targets`.
         axis: the sensor's axis that calibration.h is for.
         options: ``rate_hz``, ``device_id``, ``index``, ``add_to`` and ``noise_factor`` of
             :func:`gyrocal.calibration.targets.base.render`.

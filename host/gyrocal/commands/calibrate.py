@@ -100,11 +100,12 @@ def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]", asked: 
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:
     """Print the estimates as a table, with the meaning of their flags and their budget."""
     from gyrocal.calibration.flags import FLAGS
-    from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, percent, unit_of
+    from gyrocal.digits import UNKNOWN, percent
     from gyrocal.present.budget import print_budget
     from gyrocal.present.output import stdout, table
     from gyrocal.present.report import print_warnings
     from gyrocal.present.taken import cell
+    from gyrocal.units import unit_of
 
     print_warnings(warnings)
     unit = unit_of(e.bias_dps for e in found)

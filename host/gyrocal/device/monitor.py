@@ -14,7 +14,7 @@ import numpy as np
 
 from gyrocal.device.port import Link, PortGone, describe_error
 from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
-from gyrocal.diagnosis.residual.rate_unit import pair
+from gyrocal.digits import pair
 from gyrocal.units import CELSIUS
 
 if TYPE_CHECKING:

@@ -20,12 +20,11 @@ from gyrocal.evidence.states import States
 from gyrocal.evidence.weights import Scales, Weighed
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.structure import choose_variant
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 TOLD = 0.01
 """Sets of at least this probability are told."""
-LEADS = -0.85
-"""An effect of at least these log odds (a probability of 0.3) has its nonlinear parameter refined, and its checks made."""
 LEFT_BETWEEN = 0.5
 """Log-likelihood that the distance of a nonlinear parameter from the grid may cost before it is refined."""
 ROUNDS = 3
@@ -82,7 +81,7 @@ class _Weighing:
 
     def leads(self, effect: str) -> bool:
         """True if an effect is probable enough to be looked at more closely."""
-        return self.log_odds[effect] >= LEADS
+        return self.log_odds[effect] >= POLICY.leading_log_odds
 
     @property
     def best(self) -> Weighed:

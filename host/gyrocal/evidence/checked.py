@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-LEAST_SHARE = 0.25
-"""Least part of the power of effect and rest. In the calibration and the work part, five of seven names with less than half of
-it were true, and of those with less than a quarter three of four."""
-LEAST_SAME = 1e-3
-LARGEST_DIFFERENCE = 0.18
-"""Part of an effect's rms by which its sizes in two parts may change it. No model is exact, so that with enough data the sizes
-of a true effect differ significantly too: true ones on recordings with an encoder by up to 0.16. Of the calibration and the
-work part, no wrong name with log odds beyond 2.2 is below 0.21."""
-ENOUGH_DATA = 20.0
-"""Log odds from which on such a difference says that no model is exact. On those recordings they are 22 and 1389. Of three
-names of the frozen part with less (3, 9 and 14), and differences of 0.08 to 0.13, two were wrong."""
+from gyrocal.policy import POLICY
 
 
 @dataclass(frozen=True)
@@ -33,10 +23,11 @@ class Checks:
 
         ``log_odds`` are those of the effect.
         """
-        return self.share >= LEAST_SHARE and self.same(log_odds)
+        return self.share >= POLICY.least_share and self.same(log_odds)
 
     def same(self, log_odds: float) -> bool:
         """True if the coefficient is the same in the parts of the data, or no part shows it."""
-        if self.same_in_parts_p is None or self.same_in_parts_p >= LEAST_SAME:
+        if self.same_in_parts_p is None or self.same_in_parts_p >= POLICY.different_chance:
             return True
-        return log_odds >= ENOUGH_DATA and self.difference is not None and self.difference <= LARGEST_DIFFERENCE
+        small = self.difference is not None and self.difference <= POLICY.largest_difference
+        return log_odds >= POLICY.exact_log_odds and small

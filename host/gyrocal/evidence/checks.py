@@ -16,19 +16,18 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.effects.quantities import cycle_time_s, temperature_c, true_rate_dps
-from gyrocal.evidence.checked import LEAST_SAME, Checks
+from gyrocal.evidence.checked import Checks
 from gyrocal.evidence.hypotheses import Free, Option
 from gyrocal.evidence.matrix import Index, Matrix, runs_of
 from gyrocal.evidence.states import beside_model, integrated
 from gyrocal.evidence.weights import Scales, Weighed
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
 STATES = 6
 """Number of the likeliest states of the noise over which the probability of different coefficients is averaged."""
 LEAST_APART = 1e-9
 """Power of a part's column beside the model, as a part of the effect's, below which it is the rounding of sums."""
-LEAST_SHOWN = 1e-3
-"""Part of an effect's power that must differ between two parts, so that they say anything of its coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +137,7 @@ def _chances(
     for state in likeliest.tolist():
         products = integrated(beside_model(matrix, states.noises[state], states.spreads[state])[None], taken, sd)[0][0]
         norm, variance = np.diagonal(products)[columns], products[0, 0] / states.degrees
-        seen = apart & (norm > LEAST_SHOWN * plain)
+        seen = apart & (norm > POLICY.shown_in_part * plain)
         statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)
         chances += weighed.bare[state] * np.array([float(tails.chi_square(s, 1)) for s in statistic])
         differences += weighed.bare[state] * np.where(seen, np.abs(products[columns, 0]) / np.where(seen, norm, 1.0), 0.0)
@@ -150,7 +149,7 @@ def _chances(
         mine = np.array([other == effect for other, _ in parts]) & shown
         if mine.any():
             count = int(mine.sum())
-            beyond = mine & (chances * count < LEAST_SAME)
+            beyond = mine & (chances * count < POLICY.different_chance)
             largest = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
             out[effect] = min(1.0, float(chances[mine].min()) * count), float(largest.max(initial=0.0))
     return out

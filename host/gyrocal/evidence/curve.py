@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.evidence.checked import Checks
+from gyrocal.policy import POLICY
 
 KNOTS = (
     (-4.4348, 0.005), (-3.2276, 0.009), (-1.7649, 0.065), (-0.4884, 0.225), (0.6326, 0.36), (1.7383, 0.533), (3.4669, 0.829),
@@ -20,24 +21,18 @@ KNOTS = (
 )  # fmt: skip
 FAILED = 0.344
 NAMED = 0.893
-SURE_LOG_ODDS = 3.0
-"""Log odds (a probability of 0.95, as the evidence has it) from which on an effect may be named: by the evidence alone where
-other tests cannot tell it from its rivals, and by those tests. With less, three of eight of the latter names were wrong."""
-
-SUPPORTING_LOG_ODDS, SUPPORTED_GAIN_ERRORS = 1.5, 4.0
-"""Log odds, and standard errors of the held-out gain, from which on both together suffice: of six such names five were true, of
-those with less of either seven of twelve (the calibration and the work part, and eighty blind sessions)."""
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:
     """True if the evidence is sure of a name of the other tests, or does not contradict a large gain on held-out data."""
-    large = gain is not None and gain_se is not None and gain > SUPPORTED_GAIN_ERRORS * gain_se
-    return sure(log_odds, checks) or (large and log_odds >= SUPPORTING_LOG_ODDS and (checks is None or checks.passed(log_odds)))
+    large = gain is not None and gain_se is not None and gain > POLICY.supported_gain_errors * gain_se
+    enough = POLICY.supporting_log_odds if large else POLICY.sure_log_odds
+    return log_odds >= enough and (checks is None or checks.passed(log_odds))
 
 
 def sure(log_odds: float, checks: Checks | None) -> bool:
     """True if the evidence is sure of an effect, which passes its checks if it has any."""
-    return log_odds >= SURE_LOG_ODDS and (checks is None or checks.passed(log_odds))
+    return log_odds >= POLICY.sure_log_odds and (checks is None or checks.passed(log_odds))
 
 
 def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.evidence.matrix import Index, Matrix
 from gyrocal.evidence.states import States, factor
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 SIZES = 5
@@ -27,15 +28,11 @@ LEFT_OVER = 0.5
 STATES = 4
 """Number of the likeliest states in which forms and sizes are chosen."""
 ROUNDS = 2
-ALIKE = 0.97
-"""Cosine similarity, beside the model's own columns, from which on two shapes are one, which belongs to the simpler effect."""
 LEAST_CHI2 = 1e-3
 """Least chi-square for each degree of freedom. Below it, more noise of measured columns was taken out than is there, and what
 is left says nothing."""
 LEAST_OF_NOISE = 0.5
 """Least part of chi-square that the noise of measured columns leaves: more of it is not taken to be theirs."""
-MEASURABLE = 1e-4
-"""Part of an option's squared norm that the model's own columns must leave, so that the session can measure it."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ class Scales:
         for other, at in zip(self.matrix.options, self.matrix.at, strict=True):
             if other.effect.nonlinear or at.size > 1 or not products[at[0], at[0]] > 0:
                 continue
-            if abs(products[mine, at[0]]) > ALIKE * np.sqrt(products[mine, mine] * products[at[0], at[0]]):
+            if abs(products[mine, at[0]]) > POLICY.same_shape * np.sqrt(products[mine, mine] * products[at[0], at[0]]):
                 return True
         return False
 
@@ -103,7 +100,7 @@ class Scales:
         grams, _ = self.matrix.grams(self.states.noises[0])
         whole, beside = np.diagonal(grams.sum(axis=0)), np.diagonal(self.states.products[0])
         share = beside / np.maximum(whole, 1e-300)
-        return np.array([bool((share[at] > MEASURABLE).any()) for at in self.matrix.at], dtype=bool)
+        return np.array([bool((share[at] > POLICY.weighable).any()) for at in self.matrix.at], dtype=bool)
 
     @cached_property
     def rests(self) -> list[Rest]:

@@ -6,11 +6,11 @@ from collections.abc import Set
 
 import numpy as np
 
+from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.stamps import in_bursts, lost, period_s, step_range_s
-from gyrocal.units import percentage
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
+from gyrocal.digits import percentage
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import QUATERNION, RATES
@@ -18,7 +19,6 @@ from gyrocal.recording.registration import Lost, Registration
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.recording.stretches import stretches
-from gyrocal.units import percentage
 from gyrocal.warning import Warning
 
 TOLD = 5

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from gyrocal.policy.calibration import Calibration
 from gyrocal.policy.diagnosis import Diagnosis
+from gyrocal.policy.evidence import Evidence
 from gyrocal.policy.fleet import Fleet
 from gyrocal.policy.gravity import Gravity
 from gyrocal.policy.inference import Inference
@@ -24,7 +25,7 @@ __all__ = ["JUDGEMENT", "POLICY", "Policy"]
 
 
 @dataclass(frozen=True)
-class Policy(Plausibility, Inference, Outliers, Diagnosis, Calibration, Gravity, Fleet, Planning):
+class Policy(Plausibility, Inference, Outliers, Diagnosis, Evidence, Calibration, Gravity, Fleet, Planning):
     """Every threshold of all kinds of verdict."""
 
 

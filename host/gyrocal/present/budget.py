@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
 from gyrocal.calibration.calibrate import POOLED, Estimate
-from gyrocal.diagnosis.residual.rate_unit import percent, shares, unit_of
+from gyrocal.digits import percent, shares
 from gyrocal.present.output import stdout, table
 from gyrocal.present.taken import words
+from gyrocal.units import unit_of
 
 
 def shown(found: Sequence[Estimate]) -> Estimate | None:

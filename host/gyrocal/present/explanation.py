@@ -13,7 +13,6 @@ from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.drawn_size import described, most_visible_of
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.probes import of_session
-from gyrocal.diagnosis.residual.rate_unit import RateUnit, unit_of
 from gyrocal.effects.base import Role, with_role
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import Fit
@@ -21,7 +20,7 @@ from gyrocal.present import page, report
 from gyrocal.present.output import stdout, table
 from gyrocal.present.verdict import left_over
 from gyrocal.recording.session import AXES, Array
-from gyrocal.units import number_of
+from gyrocal.units import RateUnit, number_of, unit_of
 from gyrocal.variables.base import variables
 
 if TYPE_CHECKING:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gyrocal.digits import percentage
 from gyrocal.fleet.fit import Fleet
 from gyrocal.fleet.missing import Missing
 from gyrocal.fleet.trend import Board, Trend
 from gyrocal.present import page
 from gyrocal.present.output import plus_minus, stdout, table
-from gyrocal.units import percentage
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.residual.rate_unit import RateUnit, negligible, shares, unit_of
+from gyrocal.digits import negligible, percentage, shares
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
@@ -34,7 +34,7 @@ from gyrocal.present.report import (
 )
 from gyrocal.present.verdict import adequate, first_sentence, high_floor, left_over, nothing_found, stands_on
 from gyrocal.recording.session import AXES, Session
-from gyrocal.units import number_of, percentage
+from gyrocal.units import RateUnit, number_of, unit_of
 
 
 def show_calibration(

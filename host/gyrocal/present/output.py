@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gyrocal import verbosity
-from gyrocal.diagnosis.residual.rate_unit import places, rounded
+from gyrocal.digits import places, rounded
 
 PIPE_WIDTH = 140
 stdout = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else PIPE_WIDTH)

@@ -11,7 +11,6 @@ import numpy as np
 
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import part_unit
 from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
@@ -19,6 +18,7 @@ from gyrocal.noise.allan import allan_deviation, model_deviation
 from gyrocal.present.figure import new_figure
 from gyrocal.present.spectra import against_frequency, against_order
 from gyrocal.recording.session import AXES, Array
+from gyrocal.units import part_unit
 from gyrocal.variables.base import Variable, variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order

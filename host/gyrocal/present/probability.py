@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from gyrocal.evidence.checked import LARGEST_DIFFERENCE, LEAST_SAME, LEAST_SHARE
+from gyrocal.policy import POLICY
 
 SHOWN = 3
 """Number of sets of an axis that are shown at most."""
@@ -37,15 +37,15 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
     if made is None:
         return []
     share, same_p = made["share"], made["same_in_parts_p"]
-    enough = "" if share >= LEAST_SHARE else ": so little that it may be part of something without a name"
+    enough = "" if share >= POLICY.least_share else ": so little that it may be part of something without a name"
     rows = [("its share", f"{100 * share:.0f} % of what it and a disturbance without a name describe together{enough}")]
     if same_p is None:
         return rows
     parts = "in the first and the last half, slow and fast, in both directions, cold and warm"
-    if same_p >= LEAST_SAME:
+    if same_p >= POLICY.different_chance:
         return [*rows, ("the same in parts", f"the same {parts}, as far as the recordings show (p = {same_p:.2g})")]
     by = made.get("difference")
-    if by is not None and by <= LARGEST_DIFFERENCE and made.get("passed", True):
+    if by is not None and by <= POLICY.largest_difference and made.get("passed", True):
         return [*rows, ("the same in parts", f"the same {parts} within {100 * by:.0f} % (p = {same_p:.1g})")]
     told = f"not the same {parts} (p = {same_p:.1g}): another cause may look like it"
     return [*rows, ("not the same in parts", told)]

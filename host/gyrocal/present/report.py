@@ -13,7 +13,7 @@ from gyrocal.diagnosis.residual import angles
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.levels import explained
 from gyrocal.diagnosis.residual.parameter_moved import Moved
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
+from gyrocal.digits import UNKNOWN, pair, percentage, places, rounded
 from gyrocal.effects.base import Effect, title_of
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility import absent
@@ -21,7 +21,7 @@ from gyrocal.policy import POLICY
 from gyrocal.present import probability
 from gyrocal.present.output import plus_minus, stdout, table
 from gyrocal.present.verdict import adequate, first_sentence, high_floor, nothing_found, stands_on
-from gyrocal.units import percentage, to_read
+from gyrocal.units import RateUnit, to_read, unit_of
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN
+from gyrocal.digits import UNKNOWN
 
 
 def plain(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gyrocal.calibration.taken import Taken
-from gyrocal.diagnosis.residual.rate_unit import plain
+from gyrocal.digits import plain
 
 
 def words(taken: Taken) -> str:

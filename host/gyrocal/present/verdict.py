@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.residual.rate_unit import rounded, unit_of
+from gyrocal.digits import rounded
 from gyrocal.policy import POLICY
+from gyrocal.units import unit_of
 
 
 def first_sentence(text: str) -> str:

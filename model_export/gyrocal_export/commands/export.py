@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gyrocal.calibration.targets import targets
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, InputError
 
-FORMATS = "header, c, kalibr, ros2, px4, ardupilot, imu_tk, slam, vqf or json"
+FORMATS = ", ".join(["header", *targets()])
 Axis = Literal["x", "y", "z"]
 
 

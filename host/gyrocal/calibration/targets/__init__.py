@@ -2,3 +2,10 @@
 
 A target lists under ``left`` what it cannot hold. ``gyrocal export --format NAME`` finds the targets in this folder.
 """
+
+import pkgutil
+
+
+def targets() -> list[str]:
+    """The names of all targets."""
+    return sorted(info.name.rstrip("_") for info in pkgutil.iter_modules(__path__) if info.name != "base")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import importlib
 import math
-import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from gyrocal.calibration.targets import targets
 from gyrocal.calibration.vehicle import Vehicle, existing_of
 from gyrocal.effects.quantities import REFERENCE_C
 from gyrocal.error_model.model import Model
@@ -20,7 +20,6 @@ from gyrocal.recording.session import AXES
 RAD = math.pi / 180
 G_M_S2 = 9.80665
 """Standard gravity: one g in m/s^2."""
-PACKAGE = "gyrocal.calibration.targets"
 ORDERS = 4
 """Number of coefficients of a cubic."""
 
@@ -45,12 +44,6 @@ INFLATED = ("kalibr", "slam")
 """The targets whose users multiply the noise of a quiet room, because estimators take it for all that disturbs a sensor."""
 
 
-def targets() -> list[str]:
-    """The names of all targets."""
-    folder = importlib.import_module(PACKAGE).__path__
-    return sorted(info.name.rstrip("_") for info in pkgutil.iter_modules(folder) if info.name != "base")
-
-
 def render(
     name: str, model: Model, rate_hz: float | None = None, *, device_id: int | None = None, index: int | None = None,
     add_to: str | Path | None = None, noise_factor: float | None = None,
@@ -72,7 +65,7 @@ def render(
         raise InputError(f"--noise-factor is for --format {' and '.join(INFLATED)}")
     if noise_factor is not None and not (math.isfinite(noise_factor) and noise_factor > 0):
         raise InputError(f"--noise-factor {noise_factor:g}: must be positive")
-    module = f"{PACKAGE}.{name}"
+    module = f"{__package__}.{name}"
     try:
         found = importlib.import_module(module)
     except ModuleNotFoundError:

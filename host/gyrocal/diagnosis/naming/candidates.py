@@ -18,12 +18,12 @@ from gyrocal.diagnosis.naming.rivals import with_groups, with_suggested_groups
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.term import Term
 from gyrocal.inference.registering import symmetric
 from gyrocal.threads import each
+from gyrocal.units import rate_text
 from gyrocal.variables.rate import Rate
 from gyrocal.variables.reading import Reading
 

@@ -10,9 +10,9 @@ from gyrocal import tails
 from gyrocal.diagnosis.residual.angles import Angles
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Level
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
+from gyrocal.units import rate_text
 from gyrocal.variables.rate import Rate
 
 

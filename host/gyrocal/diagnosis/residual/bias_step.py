@@ -9,10 +9,10 @@ import numpy as np
 
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.probes import beside
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.effects.bias_jumps import BiasJumps, jumps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.units import rate_text
 from gyrocal.variables.shapes import StepsOfRuns
 from gyrocal.variables.time import Time
 

@@ -36,7 +36,6 @@ from gyrocal.diagnosis.residual.levels import (
 from gyrocal.diagnosis.residual.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.diagnosis.residual.probes import of_session
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.diagnosis.residual.rounding import rounding_power
 from gyrocal.diagnosis.residual.told_once import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
@@ -51,6 +50,7 @@ from gyrocal.recording.register import FIRST_S, registered
 from gyrocal.recording.registration import ReferenceParameter
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
+from gyrocal.units import rate_text
 from gyrocal.warning import Warning
 
 Progress = Callable[[str], None]

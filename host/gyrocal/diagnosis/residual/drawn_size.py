@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import part_text, rate_text
 from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.units import part_text, rate_text
 from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, StepsOfRuns, Waves, per_turn
 
 

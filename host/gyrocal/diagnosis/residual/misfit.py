@@ -15,7 +15,6 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Remainder, spectrum_of
 from gyrocal.diagnosis.residual.power_band import hump
 from gyrocal.diagnosis.residual.probes import of_session, probe
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.diagnosis.residual.rate_wave import over_rate
 from gyrocal.diagnosis.residual.reading_tests import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.residual.rounding import beside_rounding, rounding_power
@@ -31,6 +30,7 @@ from gyrocal.noise.spectrum import Peak, Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 from gyrocal.threads import each
+from gyrocal.units import rate_text
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.reading import Reading

@@ -13,11 +13,11 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.diagnosis.residual.whiteness import HANN_NEIGHBOURS, periodograms
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.units import rate_text
 from gyrocal.variables.frequency import Frequency
 
 CELLS = 60

@@ -6,6 +6,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.digits import percentage
 from gyrocal.effects.byte_fault import lost_carry
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantization import coarse_step_dps, is_whole
@@ -16,7 +17,6 @@ from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.recording.tail import ROBUST, chance_of
-from gyrocal.units import percentage
 from gyrocal.variables.reading import Reading
 
 BITS = 16

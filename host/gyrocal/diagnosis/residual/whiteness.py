@@ -10,13 +10,13 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import rate_text
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.units import rate_text
 from gyrocal.variables.frequency import Frequency
 
 HANN_NEIGHBOURS = 1.95

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.digits import UNKNOWN, percent
 from gyrocal.present.tables import number, plain
+from gyrocal.units import unit_of
 from gyrocal.web.pictures.words import METHODS, method
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from gyrocal.digits import percentage
 from gyrocal.policy import POLICY
-from gyrocal.units import percentage
 from gyrocal.web.device.coach import Advice, aim, ring
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.residual.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.present.tables import number, plain
+from gyrocal.units import unit_of
 from gyrocal.web.pictures import answer_table as answers
 from gyrocal.web.pictures import scatter
 from gyrocal.web.state.on_page import on_page

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN
+from gyrocal.digits import UNKNOWN
 from gyrocal.present.verdict import beyond_noise, high_floor, stands_on
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.digits import UNKNOWN, percent
 from gyrocal.present.tables import number, plain
 from gyrocal.present.verdict import stands_on
+from gyrocal.units import unit_of
 from gyrocal.web.pictures.words import unseen
 from gyrocal.web.state.on_page import on_page
 from gyrocal.web.state.workbench import Topic

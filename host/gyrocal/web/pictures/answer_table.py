@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gyrocal.diagnosis.residual.rate_unit import RateUnit, percent, unit_of
+from gyrocal.digits import percent
 from gyrocal.present.tables import number
 from gyrocal.present.taken import cell
+from gyrocal.units import RateUnit, unit_of
 from gyrocal.web.pictures.words import method
 
 

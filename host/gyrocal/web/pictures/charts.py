@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gyrocal.diagnosis.residual.rate_unit import unit_of
+from gyrocal.units import unit_of
 
 if TYPE_CHECKING:
     from gyrocal.web.values.views import Picture

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gyrocal.diagnosis.residual.rate_unit import unit_of
 from gyrocal.present.pictures import AXIS_COLOURS, framed
+from gyrocal.units import unit_of
 from gyrocal.web.pictures import charts
 from gyrocal.web.values.views import Picture
 

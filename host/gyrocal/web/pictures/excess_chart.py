@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gyrocal.diagnosis.residual.rate_unit import RateUnit
+from gyrocal.units import RateUnit
 from gyrocal.web.pictures import charts
 from gyrocal.web.pictures.charts import Options, Palette
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from gyrocal.calibration.taken import Taken
-from gyrocal.diagnosis.residual.rate_unit import rate_text, rounded, unit_of
+from gyrocal.digits import rounded
 from gyrocal.present.output import plus_minus
 from gyrocal.present.taken import each, part, words
+from gyrocal.units import rate_text, unit_of
 from gyrocal.web.pictures import charts
 from gyrocal.web.pictures.charts import Options, Palette
 from gyrocal.web.pictures.words import METHODS

@@ -6,10 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gyrocal.digits import percentage
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.present.output import plus_minus
 from gyrocal.present.probability import probability_rows
-from gyrocal.units import percentage
 from gyrocal.web.values.views import Card, Holdable
 
 TINY_Q = 1e-9

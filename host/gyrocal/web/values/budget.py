@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gyrocal.diagnosis.residual.rate_unit import MDPS, RateUnit, negligible, shares, unit_of
+from gyrocal.digits import negligible, shares
+from gyrocal.units import MDPS, RateUnit, unit_of
 
 if TYPE_CHECKING:
     from gyrocal.calibration.calibrate import Estimate

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gyrocal.diagnosis.residual.levels import Floor, Level, MeanSquares, explained, pooled
-from gyrocal.diagnosis.residual.rate_unit import RateUnit, unit_of
+from gyrocal.digits import percentage
 from gyrocal.policy import POLICY
-from gyrocal.units import percentage
+from gyrocal.units import RateUnit, unit_of
 
 MUCH = 0.9
 """Part of the excess over the floor of the richest model below which that over the first model's own floor is explained."""

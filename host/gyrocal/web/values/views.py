@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gyrocal.diagnosis.residual.rate_unit import RateUnit
     from gyrocal.present.spectra import Curve
+    from gyrocal.units import RateUnit
     from gyrocal.web.values.budget import Budget
     from gyrocal.web.values.excess_by_step import Levels
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gyrocal.diagnosis.residual import rate_unit
-from gyrocal.diagnosis.residual.rate_unit import RateUnit, unit_of
 from gyrocal.present.bins import Binned, binned
 from gyrocal.present.decimate import Pyramid
+from gyrocal.units import MDPS, RateUnit, unit_of
 from gyrocal.variables.rate import Rate
 from gyrocal.web.pictures import charts
 from gyrocal.web.pictures.charts import Options, Palette
@@ -71,7 +70,7 @@ class Timeline:
     @property
     def _below(self) -> RateUnit:
         """The unit of the residual."""
-        return rate_unit.MDPS if self.traces.residual is None else self._unit(self.traces.residual)
+        return MDPS if self.traces.residual is None else self._unit(self.traces.residual)
 
     def _unit(self, pyramid: Pyramid) -> RateUnit:
         return unit_of([pyramid.largest([AXES.index(axis) for axis in self.axes])])

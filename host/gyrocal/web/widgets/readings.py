@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
-from gyrocal.diagnosis.residual.rate_unit import UNKNOWN
+from gyrocal.digits import UNKNOWN
 from gyrocal.units import CELSIUS
 from gyrocal.web.device.samples import SHOWN_S, Frame
 from gyrocal.web.pictures import charts

@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.residual.rate_unit import rate_text
+from gyrocal.units import rate_text
 from gyrocal.web.pictures import charts
 from gyrocal.web.values.views import RunView
 from gyrocal.web.widgets.toolbar import toolbar

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gyrocal.diagnosis.residual.rate_unit import unit_of
+from gyrocal.units import unit_of
 from gyrocal.web.pictures.recorded import Recorded, recorded
 from gyrocal.web.values.budget import Budget, of_gravity
 

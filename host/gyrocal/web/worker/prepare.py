@@ -11,7 +11,6 @@ import numpy as np
 
 from gyrocal.api import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rate_unit import part_unit
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
@@ -19,6 +18,7 @@ from gyrocal.present.bins import binned
 from gyrocal.present.decimate import Pyramid
 from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.units import part_unit
 from gyrocal.variables.base import variables
 from gyrocal.variables.direction import CHANGING
 from gyrocal.variables.frequency import Frequency

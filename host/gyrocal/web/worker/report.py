@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Comparison, Session
-from gyrocal.diagnosis.residual.rate_unit import unit_of
 from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures, probability
 from gyrocal.present.page import render
 from gyrocal.present.report import PARAMETERS, WHERE, headline, judged_by, judged_rows, level_columns, parameter, where_rows
 from gyrocal.present.verdict import stands_on
-from gyrocal.units import CELSIUS, to_read
+from gyrocal.units import CELSIUS, to_read, unit_of
 from gyrocal.web.pictures import answer_table as answers
 from gyrocal.web.pictures import charts, scatter
 from gyrocal.web.pictures.effect_figure import effect_figure

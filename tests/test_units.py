@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gyrocal.diagnosis.residual.rate_unit import DPS, MDPS, negligible, part_text, percent, rate_text, rounded, shares, unit_of
+from gyrocal.digits import negligible, percent, rounded, shares
+from gyrocal.units import DPS, MDPS, part_text, rate_text, unit_of
 
 
 @pytest.mark.parametrize(

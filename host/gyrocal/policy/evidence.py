@@ -1,0 +1,76 @@
+"""When the evidence of sets of effects names an effect, supports a name of the tests, or fails it by a check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gyrocal.policy.threshold import threshold
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Thresholds of the evidence: its log odds, and the two checks of an effect that leads."""
+
+    # Log odds
+    sure_log_odds: float = threshold(
+        3.0, "log odds (20 to 1) from which on the evidence is sure of an effect: it supports a name of the other tests, and "
+        "names an effect that they only suggest or cannot tell from its rivals",
+        larger="true names of the tests are only suggested, and fewer of rival effects are told apart",
+        smaller="effects that resemble a disturbance are named: of eight names of the tests with less, three were wrong "
+        "(gyrocal benchmark edge, the calibration and the work part)",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part (docs/evidence.md)",
+    )  # fmt: skip
+    supporting_log_odds: float = threshold(
+        1.5, "log odds from which on the evidence supports a name of the tests if the held-out gain is beyond "
+        "supported_gain_errors",
+        larger="true names of a large gain are only suggested: of six that this limit kept five were true",
+        smaller="wrong names are kept: of those with less of either, seven of twelve were true",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part, and eighty sessions of gyrocal benchmark blind",
+    )  # fmt: skip
+    supported_gain_errors: float = threshold(
+        4.0, "standard errors of the held-out gain beyond which supporting_log_odds suffice",
+        larger="true names are only suggested", smaller="wrong names are kept (the figures are those of supporting_log_odds)",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part, and eighty sessions of gyrocal benchmark blind",
+    )  # fmt: skip
+    leading_log_odds: float = threshold(
+        -0.85, "log odds (a probability of 0.3) from which on an effect of the likeliest set is looked at more closely: its "
+        "nonlinear parameter is refined and its checks are made",
+        larger="an effect of which a refined parameter would make sure is not named",
+        smaller="checks are made of effects that nothing names, which takes time",
+    )  # fmt: skip
+    weighable: float = threshold(
+        1e-4, "part of the squared norm of an effect's column that the columns of the model in use must leave, or the evidence "
+        "does not weigh the effect",
+        larger="effects of few readings have no probability", smaller="rounding errors of the columns are weighed",
+    )  # fmt: skip
+
+    # Checks of an effect that leads
+    least_share: float = threshold(
+        0.25, "part of the power that an effect and a disturbance without a name explain together, from which on the effect "
+        "passes the check of its share",
+        larger="true effects fail beside a disturbance: of seven names with less than half of the power five were true",
+        smaller="a part of a disturbance is named: of those with less than a quarter three of four were true",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part",
+    )  # fmt: skip
+    different_chance: float = threshold(
+        1e-3, "probability that chance makes the sizes of an effect differ as much between the parts of the data, below which "
+        "they differ",
+        larger="true effects fail the check by chance", smaller="a disturbance that resembles an effect in part passes it",
+    )  # fmt: skip
+    shown_in_part: float = threshold(
+        1e-3, "part of an effect's power that must differ between two parts of the data, so that they say anything of its size",
+        larger="few effects can be checked", smaller="parts that hardly show the effect decide whether it passes",
+    )  # fmt: skip
+    largest_difference: float = threshold(
+        0.18, "rms of the difference between the parts that chance does not explain, over the rms of the effect, up to which "
+        "it says that no model is exact, if the log odds are at least exact_log_odds",
+        larger="wrong names pass: those of the calibration and the work part with log odds beyond 2.2 begin at 0.21",
+        smaller="true effects fail: on recordings of a shaft with an encoder they differ by up to 0.16",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part; docs/evidence.md has the recording",
+    )  # fmt: skip
+    exact_log_odds: float = threshold(
+        20.0, "log odds from which on there are so many data that the sizes of a true effect differ significantly too",
+        larger="true effects fail on long recordings; on those with an encoder the log odds are 22 and 1389",
+        smaller="of three names with less (3, 9 and 14) and differences of 0.08 to 0.13, two were wrong",
+        chosen_by="gyrocal benchmark edge --part frozen",
+    )  # fmt: skip
