@@ -203,3 +203,18 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
     assert best is not None
     assert best.axis == "x"
     assert set(best.group) == {"order_tone", "vibration_tone"}
+
+
+@pytest.mark.parametrize(("size_dps", "latitude_deg", "named"), [(0.004, None, False), (0.004, 75.0, True), (0.012, None, True)])
+def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
+    size_dps: float, latitude_deg: float | None, named: bool
+) -> None:  # fmt: skip
+    """The Earth's horizontal rate, 4.18 mdps times the cosine of the latitude, was named a tone of the table's drive."""
+    session = simulate(None, "full", (), 3, scenarios=3, seconds=60.0)[0]
+    session = with_terms(session, lambda r: {"x": size_dps * np.cos(table_angle_rad(r)) * bool(np.any(r.rate_dps))})
+    session = session.with_runs(replace(r, latitude_deg=latitude_deg) for r in session.runs)
+    found = diagnose(session)
+    tones = [c for c in found.candidates if c.effect.id == "order_tone" and c.axis == "x" and c.decision == "add"]
+    assert bool(tones) == named
+    hints = [f for f in found.comparison.where if "the Earth's rate makes" in f.note]
+    assert bool(hints) == (not named)

@@ -62,3 +62,15 @@ def known_dps(run: Run, axis: int, latitude_deg: float) -> Array:
     """
     own_dps = vertical_dps(latitude_deg) * run.face_sign
     return np.full(len(run), own_dps if axis == run.axis_index else 0.0)
+
+
+def in_plane_dps(runs: Sequence[Run], axis: int) -> float:
+    """Amplitude of the wave that the Earth's rate makes once per turn on an axis in the table's plane, deg/s.
+
+    The largest of any latitude where none is stated; 0 for an axis about which a run turns.
+    """
+    turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
+    if not turning or any(r.axis_index == axis or r.reference_dps is not None for r in turning):
+        return 0.0
+    known = [r.latitude_deg for r in turning if r.latitude_deg is not None]
+    return float(EARTH_DPS * np.cos(np.deg2rad(np.min(np.abs(known)) if known else 0.0)))

@@ -15,10 +15,13 @@ from gyrocal.diagnosis.residual.drawn_size import described, drawn_power
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.diagnosis.residual.probes import beside, probe, with_curves
+from gyrocal.effects.earth_rate import in_plane_dps
+from gyrocal.effects.order_tone import OF_EARTH
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.noise.orders import LEAST_TURNS
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array, Run
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.units import rate_text
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.shapes import Course, Shape, ShapeOfEachRun, Steps, StepsOfRuns, TableWave, Transient, Waves
@@ -157,3 +160,11 @@ def _orders(finding: Finding) -> tuple[float, ...]:
     if isinstance(finding.shape, TableWave):
         return (finding.shape.order,)
     return tuple(finding.shape.orders) if isinstance(finding.shape, Waves) else ()
+
+
+def beside_earth(finding: Finding, runs: Sequence[Run]) -> Finding:
+    """The finding, with a hint where the Earth's rate makes such a wave: once per turn, on an axis in the table's plane."""
+    most_dps = in_plane_dps(runs, AXES.index(finding.axis))
+    if 1 not in _orders(finding) or finding.amplitude_dps > OF_EARTH * most_dps:
+        return finding
+    return replace(finding, note=f"{finding.note}; the Earth's rate makes {rate_text(most_dps)} once per turn on this axis")
