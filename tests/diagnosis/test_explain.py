@@ -188,3 +188,19 @@ def test_words_of_an_explanation(explained: Explanation, tmp_path: Path, capsys:
     assert "With these effects the model is adequate" in out
     with pytest.raises(InputError):
         write_explanation(tmp_path / "absent" / "e.html", found)
+
+
+@pytest.mark.parametrize(("seed", "white_dps"), [(2, 0.003), (3, 0.03)])
+def test_what_diagnose_is_sure_of_is_added(seed: int, white_dps: float) -> None:
+    """diagnose said "add bias_temperature", and explain that adding it does not lower the error of held-out data."""
+    rng, t_s, runs = np.random.default_rng(seed), np.arange(3200) / 200.0, []
+    for k in range(6):
+        since_s = 10 + 21 * k + t_s
+        temp_c = 25 + 2 * (1 - np.exp(-since_s / 120)) + rng.normal(0, 0.01, t_s.size)
+        slow = 0.16 * np.exp(-since_s / 91) - 0.012 * (temp_c - 25)
+        gyro = 0.3 + rng.normal(0, white_dps, (t_s.size, 3)) + np.outer(slow, [0, 1, 0])
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, power_on_s=float(since_s[0]), temp_c=temp_c, rate_hz=200.0))
+    found = explain(make_session(*runs))
+    sure = {c.effect.id for c in found.first.candidates if c.named and c.sure and not c.together}
+    assert sure
+    assert sure <= {e for step in found.steps for e in step.effects}

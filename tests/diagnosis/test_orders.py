@@ -205,7 +205,9 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
     assert set(best.group) == {"order_tone", "vibration_tone"}
 
 
-@pytest.mark.parametrize(("size_dps", "latitude_deg", "named"), [(0.004, None, False), (0.004, 75.0, True), (0.012, None, True)])
+@pytest.mark.parametrize(
+    ("size_dps", "latitude_deg", "named"), [(0.004, None, False), (0.004, 75.0, True), (0.012, None, True)]
+)
 def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     size_dps: float, latitude_deg: float | None, named: bool
 ) -> None:  # fmt: skip
