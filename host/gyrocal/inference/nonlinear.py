@@ -16,6 +16,8 @@ EXACT = 3e-3
 """Fraction of a step to which a parameter is determined."""
 GRID, GRIDS = 13, 4
 """Points of a grid over a likelihood with steps, and number of grids, each over three spacings of the one before."""
+UNSOLVED = 1e50
+"""The cost of values at which nothing can be solved. A search that interpolates takes no infinite one."""
 
 Cost = Callable[[Array], float]
 
@@ -40,7 +42,7 @@ def refine(current: AxisFit) -> AxisFit:
             return with_noise(design, base.noise, carry_spreads(base, design))
 
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
-            return -at(x).solution.profile_loglik
+            return min(-at(x).solution.profile_loglik, UNSOLVED)
 
         runs = [b.run for b in current.design.blocks]
         steps = np.array([term.effect.step(name, term.values, runs) for name in names])
