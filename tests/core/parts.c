@@ -265,6 +265,17 @@ static void check_found(const gc_part_t *part) {
     power(1.0);
     CHECK(gc_part_find(gc_parts, &port, emul.kind->address, &found) == GC_OK);
     CHECK(found != NULL && found->id == part->id && found->address[0] == part->address[0]);
+    for (size_t k = 0; k < 2u; k++) {
+        const gc_part_t *looked = NULL;
+        emul.address = part->address[k];
+        power(1.0);
+        CHECK(gc_part_look(gc_parts, &port, &looked) == part->address[k] && looked == found);
+    }
+    emul.address = 0;
+    set_faults(true, false, false, false);
+    CHECK(gc_part_look(gc_parts, &port, &found) == gc_parts[0]->address[0] && found == NULL);
+    set_faults(false, false, false, false);
+    CHECK(gc_part_find(gc_parts, &port, emul.kind->address, &found) == GC_OK);
     power(1.0);
     n_said = 0;
     gc_device_init(&device, &config);

@@ -70,6 +70,20 @@ int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t a
     return result;
 }
 
+uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found) {
+    *found = NULL;
+    for (size_t k = 0; k < 2u; k++) {
+        for (const gc_part_t *const *part = parts; *part != NULL; part++) {
+            const uint8_t address = (*part)->address[k];
+            const bool is_new = gc_part_at(parts, address) == *part;
+            if (is_new && gc_part_find(parts, port, address, found) == GC_OK) {
+                return address;
+            }
+        }
+    }
+    return parts[0]->address[0];
+}
+
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n) {
     return n == 0u ? NAN : part->zero_c + part->lsb_c * (double)sum / (double)n;
 }

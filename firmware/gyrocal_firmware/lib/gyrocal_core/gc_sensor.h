@@ -122,6 +122,9 @@ bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
 const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address);
 /* Asks the part at the address which of a list it is. Returns GC_OK, GC_E_WRONG_ID (it is none of them) or an error of the bus. */
 int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found);
+/* Asks at each address that a part of the list may have, the usual ones first. Returns the first at which one of them answers, with
+   that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. */
+uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found);
 
 /* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
    do not allow. */
