@@ -211,17 +211,20 @@ int main() {
 """
 
 
-@pytest.mark.parametrize("standard", ["c++17", "c++20"])
+@pytest.mark.parametrize(("compiler", "standard"), [("g++", "c++17"), ("g++", "c++20"), ("clang++", "c++17")])
 def test_the_device_as_a_class(
-    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, standard: str
+    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, compiler: str, standard: str
 ) -> None:
     """What a board's class lacks is left out: without `restart` the command is unknown."""
     (tmp_path / "main.cpp").write_text(CPP)
     flags = ["-fsanitize=address,undefined", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
     linked = [str(path) for path in sorted(objects.glob("*.o")) if path.name.startswith(("gc_", "emul", "headers"))]
     linked += [str(objects / f"{path.stem}.o") for path in (library / "src" / "effects").glob("*.c")]
-    command = [require_tool("g++"), f"-std={standard}", *flags, f"-I{library / 'src'}", f"-I{SIM}", str(tmp_path / "main.cpp")]
-    subprocess.run([*command, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
+    folders = [f"-I{library / 'src'}", f"-I{SIM}"]
+    built = str(tmp_path / "main.o")
+    command = [require_tool(compiler), f"-std={standard}", *flags, *folders, "-c", str(tmp_path / "main.cpp"), "-o", built]
+    subprocess.run([*command], check=True)
+    subprocess.run([require_tool("g++"), *SANITIZE, built, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
     said = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
     hello = [s.fields["sensor"] for s in sentences(said, "HEL")]
     assert hello == ["MPU-6050", "LSM6DSV"]
