@@ -39,14 +39,14 @@ typedef struct {
 static extent_t extent(const int16_t *counts, uint32_t n) {
     extent_t found = {0, counts[0], counts[0]};
     const int16_t *const end = counts + n;
-#if GC_HAS_PAIRS
+#if GC_HAS_HALFWORDS
     if (n >= 2u) {
-        int16x2_t least = gc_pair_at(counts), most = least;
+        int16x2_t least = gc_halfwords_at(counts), most = least;
         for (; counts + 1 < end; counts += 2) {
-            const int16x2_t both = gc_pair_at(counts);
-            found.sum = __smlad(both, GC_PAIR_OF_ONES, found.sum);
-            least = gc_pair_smaller(least, both);
-            most = gc_pair_larger(most, both);
+            const int16x2_t both = gc_halfwords_at(counts);
+            found.sum = __smlad(both, GC_HALFWORDS_OF_ONE, found.sum);
+            least = gc_halfwords_smaller(least, both);
+            most = gc_halfwords_larger(most, both);
         }
         const int16_t low = (int16_t)least, high = (int16_t)(least >> 16);
         const int16_t low_most = (int16_t)most, high_most = (int16_t)(most >> 16);

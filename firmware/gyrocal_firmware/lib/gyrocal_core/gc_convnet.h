@@ -16,7 +16,7 @@
 #include "gc_baseline.h"
 #include "gc_calibration.h"
 #include "gc_cnn.h"
-#include "gc_pairs.h"
+#include "gc_halfwords.h"
 
 /* 1: layers in integers, 0: in float32. By default in integers where the CPU has no FPU. */
 #ifndef GC_NET_FIXED
@@ -39,7 +39,7 @@ extern "C" {
 #define GC_CONVNET_MAX_SUMS 320u  /* of the second convolution: taps x times */
 #define GC_CONVNET_MAX_HIDDEN 64u
 
-#if GC_NET_FIXED && GC_HAS_PAIRS
+#if GC_NET_FIXED && GC_HAS_HALFWORDS
 typedef int16_t gc_convnet_code_t; /* so that pairs of codes are at hand */
 #else
 typedef int8_t gc_convnet_code_t;

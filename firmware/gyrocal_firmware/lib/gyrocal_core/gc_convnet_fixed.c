@@ -33,13 +33,13 @@ static uint32_t least(uint32_t a, uint32_t b) {
 static inline void find_sums(int32_t sum[AT_ONCE], const gc_convnet_code_t *const code[AT_ONCE], const int16_t *x, uint32_t n) {
     const gc_convnet_code_t *code_a = code[0], *code_b = code[1], *code_c = code[2], *code_d = code[3];
     int32_t a = 0, b = 0, c = 0, d = 0;
-#if GC_HAS_PAIRS
+#if GC_HAS_HALFWORDS
     for (const int16_t *end = x + (n & ~1u); x < end; x += 2) {
-        const int16x2_t both = gc_pair_at(x);
-        a = __smlad(gc_pair_at(code_a), both, a);
-        b = __smlad(gc_pair_at(code_b), both, b);
-        c = __smlad(gc_pair_at(code_c), both, c);
-        d = __smlad(gc_pair_at(code_d), both, d);
+        const int16x2_t both = gc_halfwords_at(x);
+        a = __smlad(gc_halfwords_at(code_a), both, a);
+        b = __smlad(gc_halfwords_at(code_b), both, b);
+        c = __smlad(gc_halfwords_at(code_c), both, c);
+        d = __smlad(gc_halfwords_at(code_d), both, d);
         code_a += 2;
         code_b += 2;
         code_c += 2;
