@@ -18,11 +18,12 @@ from gyrocal.errors import InputError
 Float = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-COLUMN_LIMIT = ROW_LIMIT = 2**17
-FEATURE_LIMIT, HIDDEN_LIMIT = 2**15, 2**18
-"""The largest column, and the largest output of the first convolution, of the second one and of the dense layers. 24 codes
-times the sums of two rows, 144 codes times features and 32 codes times hidden outputs are then below 2^30, whatever the codes
-are."""
+SHORT_LIMIT = 2**15
+"""Columns, sums of rows over a pool and features are below it: the kernel keeps them in 16 bits, and some CPUs multiply two
+pairs of these at once."""
+HIDDEN_LIMIT = 2**19
+"""The largest output of a dense layer; 16 bits are too few for these. 32 codes times hidden outputs are below 2^31, whatever
+the codes are."""
 LARGEST = 2**31 - 1
 SMALLEST_GAIN = 2**12
 """A gain is rounded by a part in ten thousand at most."""
@@ -82,14 +83,14 @@ def fixed_point(constants: Mapping[str, NDArray[Any]], column_range: float, pool
         layers[name], y = _layer(name, code, constants[f"{name}.step"] / mean_of, bias, x, limit, round(leak * LEAK_UNIT))
         return y
 
-    columns_a_unit = float(np.float32((COLUMN_LIMIT - 1) / column_range))
+    columns_a_unit = float(np.float32((SHORT_LIMIT - 1) / column_range))
     first, third, fourth = (constants[f"{name}.code"].astype(float) for name in ("first", "third", "fourth"))
     second = by_time(constants["second.code"]).astype(float)
     taps, times = second.shape[1], third.shape[1] // len(second)
-    x = _Numbers(np.array([-COLUMN_LIMIT], float), np.array([COLUMN_LIMIT], float), 1 / columns_a_unit).times(first.shape[-1])
-    x = through("first", first[:, 0], constants["first.bias"], x, ROW_LIMIT)
+    x = _Numbers(np.array([-SHORT_LIMIT], float), np.array([SHORT_LIMIT], float), 1 / columns_a_unit).times(first.shape[-1])
+    x = through("first", first[:, 0], constants["first.bias"], x, SHORT_LIMIT // pool)
     second = second.reshape(len(second), -1)
-    x = through("second", second, constants["second.bias"], x.times(taps, pool), FEATURE_LIMIT, pool)
+    x = through("second", second, constants["second.bias"], x.times(taps, pool), SHORT_LIMIT, pool)
     x = through("third", third, constants["start"], x.times(times), HIDDEN_LIMIT)
     x = through("fourth", fourth, constants["fourth.bias"], x, HIDDEN_LIMIT)
     last_step = constants["last.step"].astype(float) * x.step

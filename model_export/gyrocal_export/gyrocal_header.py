@@ -17,6 +17,8 @@ from gyrocal_export.gyrocal_onnx import LAYERS, POOLED
 from gyrocal_export.nets.gyrocal import STAGES
 
 Constants = Mapping[str, NDArray[Any]]
+CODE = "gc_convnet_code_t"
+"""The type of a weight's code."""
 
 
 def tables(model: onnx.ModelProto, source: str) -> str:
@@ -38,7 +40,7 @@ def tables(model: onnx.ModelProto, source: str) -> str:
     pools = {layer: nodes[f"{layer}.pool"]["kernel_shape"][0] for layer in POOLED}
     column_range = float(metadata["column_range_dps"]) / float(metadata["unit_dps"])
     integers = fixed_point(constants, column_range, pools["second"], leak)
-    codes = "".join(_array("int8_t", f"{layer}_code", constants[f"{layer}.code"]) for layer in LAYERS if layer != "second")
+    codes = "".join(_array(CODE, f"{layer}_code", constants[f"{layer}.code"]) for layer in LAYERS if layer != "second")
     said = "".join(
         f"    .{name} = {literal(float(metadata[name]))},\n"
         for name in ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps")
@@ -70,7 +72,7 @@ static const gc_convnet_t gc_gyrocal = {{
 
 
 def _floats(constants: Constants, pool: int) -> str:
-    text = _array("int8_t", "second_code", constants["second.code"]) + _array("float", "straight", constants["straight"])
+    text = _array(CODE, "second_code", constants["second.code"]) + _array("float", "straight", constants["straight"])
     for layer in LAYERS:
         step, bias = constants[f"{layer}.step"], constants["start" if layer == "third" else f"{layer}.bias"]
         text += _array("float", f"{layer}_step", step / pool if layer == "second" else step)
@@ -79,7 +81,7 @@ def _floats(constants: Constants, pool: int) -> str:
 
 
 def _integers(constants: Constants, numbers: FixedPoint) -> str:
-    text = _array("int8_t", "second_code", by_time(constants["second.code"]))
+    text = _array(CODE, "second_code", by_time(constants["second.code"]))
     text += _array("int16_t", "straight_code", numbers.straight) + _array("float", "straight_step", numbers.straight_step)
     for name, layer in numbers.layers.items():
         text += _array("int32_t", f"{name}_gain", layer.gain) + _array("int32_t", f"{name}_start", layer.start)

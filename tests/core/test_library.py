@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -57,6 +58,33 @@ def test_no_compiler_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("CC", "no-such-compiler -O2")
     with pytest.raises(GyrocalError, match=r"no-such-compiler.*install gcc or clang"):
         library.Core()
+
+
+ZIG = """import subprocess, sys
+assert sys.argv[1:3] == ["cc", "-mcpu=baseline"]
+sys.exit(subprocess.run([{cc!r}, *sys.argv[3:]]).returncode)
+"""
+
+
+def test_without_a_compiler_of_the_system_that_of_a_package_serves(
+    require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A package that is called as ziglang is, and calls this machine's compiler, which is not on the PATH."""
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__main__.py").write_text(ZIG.format(cc=require_tool("cc")))
+    (tmp_path / "more.h").write_text("#define MORE 0\n")
+    find = shutil.which
+    monkeypatch.setattr(shutil, "which", lambda name: None if name == "cc" else find(name))
+    with pytest.raises(GyrocalError, match=r"pip install ziglang"):
+        library.compiler()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    built = library.build("answer", [source(tmp_path, 1)], [tmp_path], library.SHARED)
+    assert ctypes.CDLL(str(built)).answer() == 1
+    monkeypatch.setenv("CC", "no-such-compiler")
+    library.compiler.cache_clear()
+    with pytest.raises(GyrocalError, match="no-such-compiler"):
+        library.compiler()
 
 
 def test_another_compiler_is_another_build(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:

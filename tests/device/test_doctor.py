@@ -127,3 +127,42 @@ def test_a_run_that_begins_meanwhile_is_told_and_ends_the_examination(scenario: 
         checks = {check.name: check for check in Doctor(link, SECONDS).run()}
     assert wrong(checks) == {"idle"}
     assert "--bench" in checks["idle"].advice
+
+
+@pytest.mark.parametrize(
+    ("up", "turns", "ok", "said"),
+    [
+        ((0, 0, 1), (0, 0, 90), True, "+z points up, it turned x +0, y +0, z +90 deg"),
+        ((0, -1, 0), (3, -88, -5), True, "-y points up"),
+        ((0, 0, 1), (0, 0, -90), False, "a sign is wrong"),
+        ((0, 0, 1), (90, 0, 4), False, "axes are exchanged"),
+        ((0, 0, 1), (5, 0, 12), None, "nobody turned it"),
+    ],
+)
+def test_a_turn_by_hand_shows_axes_and_signs(
+    up: tuple[int, ...], turns: tuple[int, ...], ok: bool | None, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A board with a bias of 2 dps on each axis lies still, then turns by these angles within a second."""
+    monkeypatch.setattr("gyrocal.device.doctor.TURN_S", 1.0)
+    gravity, bias = [round(each / 6.1e-05) for each in up], round(2 / 0.00875)
+
+    def raw(n: int, rates_dps: tuple[float, ...]) -> None:
+        gyro = [bias + round(rate / 0.00875) for rate in rates_dps]
+        fake.say("RAW", [-1, *gyro, *gravity, 256], t_us=1_000_000 + 10_000 * n)
+
+    def turned(words: str) -> None:
+        assert "left" in words
+        for n in range(200, 350):
+            raw(n, turns if 220 <= n < 320 else (0, 0, 0))
+
+    with FakeDevice() as fake, Link(fake.port) as link:
+        link.greet()
+        doctor = Doctor(link, ask=turned)
+        doctor._take_for(0.1)
+        doctor.sensors = {0: Heard(hello={"lsb_dps": "0.00875"})}
+        for n in range(100):
+            raw(n, (0, 0, 0))
+        doctor._take_for(0.3)
+        (check,) = doctor._turned(turned)
+    assert check.ok is ok, check
+    assert said in check.found + check.advice

@@ -135,6 +135,14 @@ def test_the_manifests_name_what_is_there(library: Path) -> None:
     assert all((library / "src" / header).is_file() for header in [*manifest["headers"], properties["includes"]])
 
 
+def test_the_keywords_are_names_of_the_headers(library: Path) -> None:
+    headers = " ".join(path.read_text() for path in (library / "src").glob("*.h"))
+    lines = [line for line in (library / "keywords.txt").read_text().splitlines() if not line.startswith("#")]
+    for name, kind in (line.split("\t") for line in lines):
+        assert re.search(rf"\b{name}\b", headers), name
+        assert kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
+
+
 def test_the_command_writes_it_and_leaves_other_folders_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["firmware", str(tmp_path / "mine"), "--library"]) == 0
     assert main(["firmware", str(tmp_path / "mine"), "--library"]) == 0
@@ -203,17 +211,20 @@ int main() {
 """
 
 
-@pytest.mark.parametrize("standard", ["c++17", "c++20"])
+@pytest.mark.parametrize(("compiler", "standard"), [("g++", "c++17"), ("g++", "c++20"), ("clang++", "c++17")])
 def test_the_device_as_a_class(
-    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, standard: str
+    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, compiler: str, standard: str
 ) -> None:
     """What a board's class lacks is left out: without `restart` the command is unknown."""
     (tmp_path / "main.cpp").write_text(CPP)
     flags = ["-fsanitize=address,undefined", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
     linked = [str(path) for path in sorted(objects.glob("*.o")) if path.name.startswith(("gc_", "emul", "headers"))]
     linked += [str(objects / f"{path.stem}.o") for path in (library / "src" / "effects").glob("*.c")]
-    command = [require_tool("g++"), f"-std={standard}", *flags, f"-I{library / 'src'}", f"-I{SIM}", str(tmp_path / "main.cpp")]
-    subprocess.run([*command, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
+    folders = [f"-I{library / 'src'}", f"-I{SIM}"]
+    built = str(tmp_path / "main.o")
+    command = [require_tool(compiler), f"-std={standard}", *flags, *folders, "-c", str(tmp_path / "main.cpp"), "-o", built]
+    subprocess.run([*command], check=True)
+    subprocess.run([require_tool("g++"), *SANITIZE, built, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
     said = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
     hello = [s.fields["sensor"] for s in sentences(said, "HEL")]
     assert hello == ["MPU-6050", "LSM6DSV"]
@@ -230,3 +241,92 @@ def test_the_platforms_come_with_it(library: Path) -> None:
     module = (library / "zephyr" / "module.yml").read_text()
     for key, path in re.findall(r"(cmake|kconfig|dts_root): (\S+)", module):
         assert (library / path).exists(), key
+
+
+BARE = r"""
+#include "emul.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool board_write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
+bool board_read(uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+uint64_t board_us(void);
+bool board_send(const char *text, size_t n);
+size_t board_hear(char *text, size_t room);
+
+static emul_t emul;
+static uint64_t now;
+static const struct { uint64_t at_us; int16_t z; const char *say; } script[] = {
+    {1000000, 8950, "set table_dps 78\n"}, {1500000, 8950, "start up\n"}, {8500000, 8950, "stop\n"},
+    {9000000, -8960, "start down\n"}, {16000000, -8960, "stop\n"}, {17000000, 0, ""}};
+static size_t said;
+
+uint64_t board_us(void) {
+    now += 10;
+    if (emul.kind == NULL) {
+        emul.kind = emul_kind(getenv("PART"));
+        emul_power_on(&emul, 1.0, 0, 250.0);
+    }
+    return now;
+}
+
+static bool there(uint8_t address, size_t n, size_t most) {
+    now += 70;
+    return emul_is_at(&emul, address) && n <= most;
+}
+
+bool board_write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+    return there(address, n, 16) && emul_write(&emul, now, address, reg, data, n) >= 0;
+}
+
+bool board_read(uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    return there(address, n, 24) && emul_read(&emul, now, address, reg, data, n) >= 0;
+}
+
+bool board_send(const char *text, size_t n) {
+    return fwrite(text, 1, n, stdout) == n;
+}
+
+size_t board_hear(char *text, size_t room) {
+    static int16_t noise;
+    int16_t world[EMUL_WORDS] = {0, 0, 0, 0, 0, 0, 16393};
+    (void)room;
+    if (now < script[said].at_us) {
+        return 0;
+    }
+    noise = (int16_t)(noise + 1);
+    world[3] = script[said].z;
+    world[6] = script[said].z < 0 ? -16393 : 16393;
+    emul_set_world(&emul, world);
+    const char *line = script[said++].say;
+    if (line[0] == '\0') {
+        exit(0);
+    }
+    memcpy(text, line, strlen(line));
+    return strlen(line);
+}
+"""
+
+
+@pytest.mark.parametrize("part", ["MPU-6050", "BMI270", "LSM6DSV"])
+def test_the_readme_s_program_runs_on_a_bare_bus(
+    library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path, part: str
+) -> None:
+    """With the five functions that it asks for, and transfers as long as it says, at most."""
+    (source,) = re.findall(r"```c\n(.*?)```", (library / "README.md").read_text(), re.DOTALL)
+    (tmp_path / "main.c").write_text(source)
+    (tmp_path / "board.c").write_text(BARE)
+    flags = [*SANITIZE, "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", f"-I{library / 'src'}", f"-I{SIM}"]
+    linked = [str(path) for path in sorted(objects.glob("*.o")) if path.name.startswith(("gc_", "emul", "headers"))]
+    linked += [str(objects / f"{path.stem}.o") for path in (library / "src" / "effects").glob("*.c")]
+    files = [str(tmp_path / "main.c"), str(tmp_path / "board.c"), *linked, "-lm", "-o", str(tmp_path / "main")]
+    subprocess.run([require_tool("gcc"), "-std=c99", *flags, *files], check=True)
+    said = subprocess.run([tmp_path / "main"], env={"PART": part}, capture_output=True, text=True, check=True).stdout
+    if part == "BMI270":
+        assert {s.fields["name"] for s in sentences(said, "ERR")} == {"part_file", "not_ready", "no_run"}
+        return
+    assert sentences(said, "HEL")[0].fields["sensor"] == part
+    answer = next(s for s in sentences(said, "CAL") if s.fields["method"] == "baseline" and s.real("seconds") == 6.0)
+    assert answer.real("scale") == pytest.approx((8950 + 8960) * 0.00875 / 156 - 1, abs=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
-KINDS = {"int8_t": np.int64, "int16_t": np.int64, "int32_t": np.int64, "float": np.float32}
+KINDS = {"gc_convnet_code_t": np.int64, "int16_t": np.int64, "int32_t": np.int64, "float": np.float32}
 LAYERS = ("first", "second", "third", "fourth", "last")
 LOG_PRECISION = np.float32(9.0)
 

@@ -220,8 +220,8 @@ def test_both_refuse_another_table() -> None:
 
 def test_it_is_small() -> None:
     text = WEIGHTS.read_text()
-    size = {"int8_t": 1, "float": 4}
-    arrays = re.findall(r"static const (int8_t|float) gc_gyrocal_\w+\[(\d+)\]", text)
+    size = {"gc_convnet_code_t": 1, "float": 4}
+    arrays = re.findall(r"static const (gc_convnet_code_t|float) gc_gyrocal_\w+\[(\d+)\]", text)
     assert 1000 < sum(size[kind] * int(n) for kind, n in arrays) < 20_000
 
 

@@ -51,12 +51,15 @@ def test_the_core_gives_numpys_integers(lsb_dps: float, seed: int) -> None:
 def test_no_input_within_the_range_overflows() -> None:
     """The bounds of each layer's sums, from the columns on: each fits 32 bits, and so does an output times the leak."""
     net, twin = FaceNetwork.shipped(), FixedNetwork(WEIGHTS)
-    largest = int(np.ceil(net.column_range_dps / twin.unit_dps * twin.columns_a_unit)) + 1
+    largest = round(net.column_range_dps / twin.unit_dps * twin.columns_a_unit)
     low, high = np.full(twin.kernel, -largest), np.full(twin.kernel, largest)
     for name in LAYERS:
         layer = twin.layers[name]
         if name == "second":  # times before channels, as its codes are, and summed over its pool
             low, high = (np.tile(y, twin.second_kernel) * twin.second_pool for y in (low, high))
+        if name in ("first", "second", "third"):
+            assert low.min() >= -(2**15), "inputs of 16 bits"
+            assert high.max() < 2**15
         low, high = np.minimum(low, 0), np.maximum(high, 0)  # for the first terms of a sum, and for a stage that lacks times
         if name == "third":
             low, high = (np.tile(y, layer.code.shape[1] // len(y)) for y in (low, high))

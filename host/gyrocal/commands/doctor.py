@@ -13,6 +13,7 @@ def run(
     restart: Annotated[
         bool, typer.Option("--restart/--no-restart", help="Start the board again, to see whether it keeps what it stored.")
     ] = True,
+    turn: Annotated[bool, typer.Option("--turn", help="Ask for a turn by hand, to see that axes and signs are right.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Examine a board that lies still: bus, sensor, self-test, rates, noise, clock, losses, memory, what it keeps.
@@ -33,9 +34,12 @@ def run(
             sensor = f"sensor {check.imu}: " if check.imu else ""
             typer.echo(f"{word:5}  {check.name:20} {sensor}{check.found}" + (f"; {check.advice}" if check.advice else ""))
 
+    def ask(words: str) -> None:
+        typer.echo(words, err=True)
+
     name = find_port(port)
     with Link(name, reconnect=True) as link:
-        checks = Doctor(link, seconds, restart=restart).run(tell)
+        checks = Doctor(link, seconds, restart=restart, ask=ask if turn else None).run(tell)
     well = all(check.ok is not False for check in checks)
     if as_json:
         typer.echo(json.dumps({"port": without_token(name), "ok": well, "checks": [check.to_json() for check in checks]}))

@@ -1,4 +1,4 @@
-"""The C core on this machine: compiled by the system's ``cc`` into a cache, loaded by ctypes.
+"""The C core on this machine: compiled by the system's ``cc``, or by Python's ``ziglang``, into a cache, loaded by ctypes.
 
 The cache is keyed by the sources, headers, flags and compiler, so an edited source or a newly exported header is
 used at the next call, and processes that build at the same time do not disturb each other. A built file's name also holds the
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import importlib.util
 import os
 import shlex
 import shutil
 import stat
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -42,18 +44,21 @@ def cache_dir() -> Path:
 
 @cache
 def compiler() -> tuple[str, ...]:
-    """The command of the C compiler: ``$CC`` if it is set, otherwise ``cc``.
+    """The command of the C compiler: ``$CC`` if it is set, otherwise ``cc``, otherwise that of the package ``ziglang``.
 
     Raises:
-        GyrocalError: there is no such program.
+        GyrocalError: there is none of them.
     """
-    command = shlex.split(os.environ.get("CC", "")) or ["cc"]
-    if shutil.which(command[0]) is None:
-        raise GyrocalError(
-            f"no C compiler: `{command[0]}` is not on the PATH; install gcc or clang "
-            "(Debian: apt install gcc; macOS: xcode-select --install), or set CC"
-        )
-    return tuple(command)
+    chosen = shlex.split(os.environ.get("CC", ""))
+    command = chosen or ["cc"]
+    if shutil.which(command[0]) is not None:
+        return tuple(command)
+    if not chosen and importlib.util.find_spec("ziglang") is not None:
+        return (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")  # else for this processor alone
+    raise GyrocalError(
+        f"no C compiler: `{command[0]}` is not on the PATH; pip install ziglang, or install gcc or clang "
+        "(Debian: apt install gcc; macOS: xcode-select --install), or set CC"
+    )
 
 
 @cache

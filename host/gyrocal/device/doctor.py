@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from typing import Any
 
 import numpy as np
 
+from gyrocal.device.check import Check, Heard
+from gyrocal.device.hand_turn import LEFT, TURN_S, Turn
 from gyrocal.device.monitor import self_test_words
 from gyrocal.device.port import Link, describe_error
-from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
+from gyrocal.device.wire import Sentence, parse_real, parse_value
 from gyrocal.errors import DeviceError
 
 SECONDS = 10.0
@@ -24,6 +24,8 @@ DUMP_S = 10.0
 STATUS_S = 3.0
 SETTLE_S = 0.5
 """After a change of the stream, until what is heard is of the new one."""
+LOOK_S = 0.2
+"""Between two looks at a turn that goes on."""
 BLOCK_S = 0.25
 POLLED_OFF = 0.01
 SENSOR_CLOCK_OFF = 0.08
@@ -44,37 +46,6 @@ BUSY_WORDS = "send stop, and begin again; of the simulated devices, one of `gyro
 LOST_WORDS = "shorten or replace the cable, close other programs that read the port, or lower rate_hz"
 
 
-@dataclass(frozen=True)
-class Check:
-    """One line of the answer. ``ok`` is None where the check could not be made, ``advice`` empty where nothing is to do."""
-
-    name: str
-    ok: bool | None
-    found: str
-    advice: str = ""
-    imu: int = 0
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
-
-
-@dataclass
-class Heard:
-    """What one sensor sent while it was listened to."""
-
-    hello: dict[str, str] = field(default_factory=dict)
-    before: dict[str, str] = field(default_factory=dict)
-    after: dict[str, str] = field(default_factory=dict)
-    raw: list[Sentence] = field(default_factory=list)
-    arrived_s: list[float] = field(default_factory=list)
-    """This machine's time at which each of ``raw`` came."""
-    errors: list[str] = field(default_factory=list)
-
-    def real(self, name: str) -> float | None:
-        """A number of its hello."""
-        return parse_real(self.hello.get(name, ""))
-
-
 class Doctor:
     """Examines the device at ``link``; :meth:`run` gives the checks one by one as they are made.
 
@@ -82,10 +53,13 @@ class Doctor:
         link: the conversation, best one that reconnects, because some boards leave their port when they start again.
         seconds: how long to listen to the samples.
         restart: False leaves the board running: what it keeps is then not checked.
+        ask: asks a person to turn the board; None leaves axes and signs unchecked.
     """
 
-    def __init__(self, link: Link, seconds: float = SECONDS, *, restart: bool = True) -> None:
-        self.link, self.seconds, self.restart = link, seconds, restart
+    def __init__(
+        self, link: Link, seconds: float = SECONDS, *, restart: bool = True, ask: Callable[[str], None] | None = None
+    ) -> None:
+        self.link, self.seconds, self.restart, self.ask = link, seconds, restart, ask
         self.sensors: dict[int, Heard] = {}
         self._lost = self._bad = 0
 
@@ -127,6 +101,8 @@ class Doctor:
             elif heard.before.get("waits") != "sensor":
                 tell(Check("rate", False, "no samples came", "see the errors of the sensor, and power it off and on", imu))
             tell(*_board(imu, heard))
+        if self.ask is not None:
+            tell(*self._turned(self.ask))
         if self.restart:
             tell(self._kept())
         return checks
@@ -225,6 +201,21 @@ class Doctor:
             return Check("losses", False, words, "set fifo 16 with one of the sensor's rates, or lower rate_hz")
         return Check("losses", True, words)
 
+    def _turned(self, ask: Callable[[str], None]) -> list[Check]:
+        """What the sensors say of a turn by hand, which ends as soon as one of them has seen enough of it."""
+        turns = {imu: Turn(heard) for imu, heard in self.sensors.items() if heard.raw}
+        self.link.send("stream raw")
+        self._take_for(SETTLE_S)
+        for imu in turns:
+            self.sensors[imu].raw, self.sensors[imu].arrived_s = [], []
+        ask(LEFT)
+        deadline = time.monotonic() + TURN_S
+        while time.monotonic() < deadline and not any(turn.is_enough(self.sensors[imu]) for imu, turn in turns.items()):
+            self._take_for(LOOK_S)
+        self.link.send("stream off")
+        self._take_for(SETTLE_S)
+        return [turn.judge(imu, self.sensors[imu]) for imu, turn in sorted(turns.items())]
+
     def _kept(self) -> Check:
         """A setting is changed, the board starts again, the setting is looked at and set back; kept results are compared."""
         name = "kept over a restart"
@@ -276,10 +267,6 @@ def _grown(heard: Heard, name: str) -> int:
     return int((after or 0) - (before or 0))
 
 
-def _counts(heard: Heard) -> np.ndarray[Any, Any]:
-    return raw_table(heard.raw).counts
-
-
 def _rate(imu: int, heard: Heard) -> Check:
     wanted, odr_hz = heard.real("rate_hz"), heard.real("odr_hz")
     t_us = np.array([sentence.t_us for sentence in heard.raw], float)
@@ -318,7 +305,7 @@ def _noise(imu: int, heard: Heard) -> Check:
     lsb_dps, usual_dps, rate_hz = heard.real("lsb_dps"), heard.real("noise_dps"), heard.real("rate_hz")
     if lsb_dps is None or usual_dps is None or rate_hz is None:
         return Check("noise", None, "the device does not say what is usual: flash it again", imu=imu)
-    rates = lsb_dps * _counts(heard)[:, :3]
+    rates = lsb_dps * heard.counts()[:, :3]
     n = max(int(BLOCK_S * rate_hz), 1)
     blocks = np.median(rates[: len(rates) // n * n].reshape(-1, n, 3), axis=1)  # single readings that stand out move none
     if len(blocks) and float(np.ptp(blocks, axis=0).max()) > MOVES_DPS:
@@ -339,7 +326,7 @@ def _noise(imu: int, heard: Heard) -> Check:
 
 def _gravity(imu: int, heard: Heard) -> Check:
     lsb_g = heard.real("lsb_g")
-    size_g = math.nan if lsb_g is None else float(np.linalg.norm(lsb_g * _counts(heard)[:, 3:6].mean(axis=0)))
+    size_g = math.nan if lsb_g is None else float(np.linalg.norm(lsb_g * heard.counts()[:, 3:6].mean(axis=0)))
     ok = abs(size_g - 1) <= GRAVITY_OFF
     advice = "" if ok else "lay it still; if it is an LSM6DSO32, send `set sensor LSM6DSO32`"
     return Check("gravity", ok, f"{size_g:.3f} g", advice, imu)
@@ -347,7 +334,7 @@ def _gravity(imu: int, heard: Heard) -> Check:
 
 def _temperature(imu: int, heard: Heard) -> Check:
     lsb_c, zero_c = heard.real("lsb_c"), heard.real("zero_c")
-    mean_c = math.nan if lsb_c is None or zero_c is None else zero_c + lsb_c * float(_counts(heard)[:, 6].mean())
+    mean_c = math.nan if lsb_c is None or zero_c is None else zero_c + lsb_c * float(heard.counts()[:, 6].mean())
     ok = TEMP_C[0] <= mean_c <= TEMP_C[1]
     return Check("temperature", ok, f"{mean_c:.1f} °C", "" if ok else "power the sensor off and on, or replace it", imu)
 

@@ -21,12 +21,6 @@ static uint8_t acc_code(double odr_hz) {
     return odr_hz <= 100.0 ? 8 : odr_hz <= 200.0 ? 9 : odr_hz <= 400.0 ? 10 : odr_hz <= 1000.0 ? 11 : 12;
 }
 
-static void three_words(const uint8_t *data, int16_t out[3]) {
-    for (size_t i = 0; i < 3u; i++) {
-        out[i] = gc_sensor_word(data[2u * i + 1u], data[2u * i]);
-    }
-}
-
 /* ---- start-up ---- */
 
 /* Both dies must answer; the accelerometer's address is chosen by a pin of its own. */
@@ -171,7 +165,7 @@ static int read_rest(gc_sensor_t *imu) {
     if (error != GC_OK) {
         return error;
     }
-    three_words(data, imu->partial.acc);
+    gc_sensor_words_low_first(data, imu->partial.acc);
     return read_temperature(imu);
 }
 
@@ -191,7 +185,7 @@ static int take_frames(gc_sensor_t *imu, unsigned frames, gc_batch_t *batch) {
         const unsigned n = frames < most ? frames : most;
         error = gc_sensor_read_regs(imu, GC_BMI088_FIFO_DATA, data, n * FRAME_BYTES);
         for (unsigned k = 0; k < n && error == GC_OK; k++) {
-            three_words(data + k * FRAME_BYTES, imu->partial.gyro);
+            gc_sensor_words_low_first(data + k * FRAME_BYTES, imu->partial.gyro);
             imu->partial.fresh = true;
             batch->sample[batch->n++] = imu->partial;
         }
@@ -211,7 +205,7 @@ static int read_newest(gc_sensor_t *imu, unsigned frames) {
         error = gc_sensor_read_regs(imu, GC_BMI088_FIFO_DATA, data, n * FRAME_BYTES);
         frames -= n;
         if (error == GC_OK) {
-            three_words(data + (n - 1u) * FRAME_BYTES, imu->partial.gyro);
+            gc_sensor_words_low_first(data + (n - 1u) * FRAME_BYTES, imu->partial.gyro);
         }
     }
     return error;
@@ -224,7 +218,7 @@ static int read_now(gc_sensor_t *imu) {
         error = gc_sensor_read_regs(imu, GC_BMI088_RATE_X, data, sizeof data);
     }
     if (error == GC_OK) {
-        three_words(data, imu->partial.gyro);
+        gc_sensor_words_low_first(data, imu->partial.gyro);
     }
     return error;
 }

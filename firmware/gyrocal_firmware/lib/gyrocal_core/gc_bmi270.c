@@ -15,12 +15,6 @@ static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {1000.0, 1000.0 / 32768.0, 1},
                                     {2000.0, 2000.0 / 32768.0, 0}};
 
-static void three_words(const uint8_t *data, int16_t out[3]) {
-    for (size_t i = 0; i < 3u; i++) {
-        out[i] = gc_sensor_word(data[2u * i + 1u], data[2u * i]);
-    }
-}
-
 /* To the temperature; the interrupt's state in between is read too, which releases the latched pin. */
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[24];
@@ -28,8 +22,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     if (error != GC_OK) {
         return error;
     }
-    three_words(data, sample->acc);
-    three_words(data + 6, sample->gyro);
+    gc_sensor_words_low_first(data, sample->acc);
+    gc_sensor_words_low_first(data + 6, sample->gyro);
     sample->temp = gc_sensor_word(data[23], data[22]);
     return GC_OK;
 }
@@ -179,8 +173,8 @@ static int take_frames(gc_sensor_t *imu, unsigned frames, gc_batch_t *batch) {
         error = gc_sensor_read_regs(imu, GC_BMI270_FIFO_DATA, data, n * FRAME_BYTES);
         for (unsigned k = 0; k < n && error == GC_OK; k++) {
             gc_sample_t *sample = &batch->sample[batch->n++];
-            three_words(data + k * FRAME_BYTES, sample->gyro);
-            three_words(data + k * FRAME_BYTES + 6u, sample->acc);
+            gc_sensor_words_low_first(data + k * FRAME_BYTES, sample->gyro);
+            gc_sensor_words_low_first(data + k * FRAME_BYTES + 6u, sample->acc);
             sample->temp = imu->partial.temp;
             sample->fresh = true;
         }

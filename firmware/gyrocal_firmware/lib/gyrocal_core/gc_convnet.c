@@ -31,6 +31,38 @@ static bool fits(const gc_convnet_t *net) {
            net->first.channels * net->second.kernel * gc_convnet_second_times(net, last) <= GC_CONVNET_MAX_SUMS;
 }
 
+/* Of the readings of a column. */
+typedef struct {
+    int32_t sum, least, most;
+} extent_t;
+
+static extent_t extent(const int16_t *counts, uint32_t n) {
+    extent_t found = {0, counts[0], counts[0]};
+    const int16_t *const end = counts + n;
+#if GC_HAS_HALFWORDS
+    if (n >= 2u) {
+        int16x2_t least = gc_halfwords_at(counts), most = least;
+        for (; counts + 1 < end; counts += 2) {
+            const int16x2_t both = gc_halfwords_at(counts);
+            found.sum = __smlad(both, GC_HALFWORDS_OF_ONE, found.sum);
+            least = gc_halfwords_smaller(least, both);
+            most = gc_halfwords_larger(most, both);
+        }
+        const int16_t low = (int16_t)least, high = (int16_t)(least >> 16);
+        const int16_t low_most = (int16_t)most, high_most = (int16_t)(most >> 16);
+        found.least = low < high ? low : high;
+        found.most = low_most > high_most ? low_most : high_most;
+    }
+#endif
+    for (; counts < end; counts++) {
+        const int32_t count = *counts;
+        found.sum += count;
+        found.least = count < found.least ? count : found.least;
+        found.most = count > found.most ? count : found.most;
+    }
+    return found;
+}
+
 /* Finds the columns and the mean (counts). Returns GC_OK or GC_E_NET_RANGE. */
 static int find_columns(const gc_convnet_t *net, const int16_t *counts, double sign, double lsb_dps, gc_convnet_work_t *work,
                         double *mean) {
@@ -42,19 +74,13 @@ static int find_columns(const gc_convnet_t *net, const int16_t *counts, double s
     int32_t off_column = 0; /* the largest |sample - column| in counts times the pool */
     int64_t off_mean = 0;   /* the largest |off| */
     for (uint32_t i = 0; i < n_columns; i++, counts += pool) {
-        int32_t sum = 0;
-        int32_t least = counts[0];
-        int32_t most = counts[0];
-        for (int32_t k = 0; k < pool; k++) {
-            const int32_t count = counts[k];
-            sum += count;
-            least = count < least ? count : least;
-            most = count > most ? count : most;
-        }
-        off_column = most * pool - sum > off_column ? most * pool - sum : off_column;
-        off_column = sum - least * pool > off_column ? sum - least * pool : off_column;
-        off[i] = (int64_t)sum * n;
-        total += sum;
+        const extent_t column = extent(counts, net->pool);
+        const int32_t above = column.most * pool - column.sum;
+        const int32_t below = column.sum - column.least * pool;
+        off_column = above > off_column ? above : off_column;
+        off_column = below > off_column ? below : off_column;
+        off[i] = (int64_t)column.sum * n;
+        total += column.sum;
     }
     for (uint32_t i = 0; i < n_columns; i++) {
         off[i] -= (int64_t)total * pool;

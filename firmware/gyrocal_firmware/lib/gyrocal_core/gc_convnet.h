@@ -16,6 +16,7 @@
 #include "gc_baseline.h"
 #include "gc_calibration.h"
 #include "gc_cnn.h"
+#include "gc_halfwords.h"
 
 /* 1: layers in integers, 0: in float32. By default in integers where the CPU has no FPU. */
 #ifndef GC_NET_FIXED
@@ -38,18 +39,26 @@ extern "C" {
 #define GC_CONVNET_MAX_SUMS 320u  /* of the second convolution: taps x times */
 #define GC_CONVNET_MAX_HIDDEN 64u
 
+#if GC_NET_FIXED && GC_HAS_HALFWORDS
+typedef int16_t gc_convnet_code_t; /* so that pairs of codes are at hand */
+#else
+typedef int8_t gc_convnet_code_t;
+#endif
+
 #if GC_NET_FIXED
-typedef int32_t gc_convnet_number_t;
+typedef int16_t gc_convnet_number_t;
+typedef int32_t gc_convnet_hidden_t;
 
 /* An output is (start + sum of code * input) * gain / 2^32, rounded down. The start holds the bias and half an output, so that the
  * output is rounded to the nearest. The export proves that no input within the network's range lets a sum overflow. */
 typedef struct gc_convnet_layer {
-    const int8_t *code;  /* as in gc_cnn_layer_t */
+    const gc_convnet_code_t *code; /* as in gc_cnn_layer_t */
     const int32_t *gain; /* the last layer has none: its sums are its outputs */
     const int32_t *start;
 } gc_convnet_layer_t;
 #else
 typedef float gc_convnet_number_t;
+typedef float gc_convnet_hidden_t;
 typedef gc_cnn_layer_t gc_convnet_layer_t;
 #endif
 
@@ -100,7 +109,7 @@ typedef struct {
     gc_convnet_number_t columns[GC_CONVNET_MAX_COLUMNS];
     gc_convnet_number_t sums[GC_CONVNET_MAX_SUMS]; /* over the second convolution's pool */
     gc_convnet_number_t features[GC_CONVNET_MAX_FEATURES];
-    gc_convnet_number_t third[GC_CONVNET_MAX_HIDDEN];
+    gc_convnet_hidden_t third[GC_CONVNET_MAX_HIDDEN];
     float out[2]; /* the correction, in units, and the logarithm of its precision */
 } gc_convnet_work_t;
 

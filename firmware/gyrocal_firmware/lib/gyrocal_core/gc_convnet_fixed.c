@@ -3,14 +3,17 @@
 #if GC_NET_FIXED
 
 #include <math.h>
+#include <stddef.h>
+
+#define AT_ONCE 4u /* outputs, so that an input is loaded once for as many products */
 
 /* Right shifts of negative numbers round down: every compiler of these CPUs shifts the sign in. */
 static int32_t leaky(int32_t y, int32_t leak) {
     return y < 0 ? (y * leak + (1 << 14)) >> 15 : y;
 }
 
-static int32_t times_gain(int32_t sum, int32_t gain) {
-    return (int32_t)(((int64_t)sum * gain) >> 32);
+static int32_t output(int32_t sum, int32_t gain, int32_t leak) {
+    return leaky((int32_t)(((int64_t)sum * gain) >> 32), leak);
 }
 
 void gc_convnet_set_columns(const gc_convnet_t *net, gc_convnet_work_t *work, const int64_t *off, double gain) {
@@ -18,7 +21,7 @@ void gc_convnet_set_columns(const gc_convnet_t *net, gc_convnet_work_t *work, co
     const int64_t whole = fabs(wanted) < 9e18 ? (int64_t)wanted : 0; /* so large only if all columns are zero */
     const uint32_t n = gc_convnet_columns(net, work->stage);
     for (uint32_t i = 0; i < n; i++) {
-        work->columns[i] = (int32_t)((off[i] * whole + ((int64_t)1 << 31)) >> 32);
+        work->columns[i] = (int16_t)((off[i] * whole + ((int64_t)1 << 31)) >> 32);
     }
 }
 
@@ -26,42 +29,101 @@ static uint32_t least(uint32_t a, uint32_t b) {
     return a < b ? a : b;
 }
 
-/* Computes y [times][outputs] of a layer from n inputs each time, `step` apart; rows of codes are `stride` apart. Four outputs are
- * summed together, so that an input is loaded once for four products; of fewer than four the last is repeated. */
-static void find_outputs(const gc_convnet_t *net, const gc_convnet_layer_t *layer, const int32_t *start, uint32_t stride,
-                         const int32_t *x, uint32_t n, uint32_t step, uint32_t times, uint32_t outputs, int32_t *y) {
-    const int32_t leak = net->leak;
-    for (uint32_t a = 0; a < outputs; a += 4u) {
-        const uint32_t b = least(a + 1u, outputs - 1u);
-        const uint32_t c = least(a + 2u, outputs - 1u);
-        const uint32_t d = least(a + 3u, outputs - 1u);
+/* The sums of the products of n inputs and the codes of four outputs. */
+static inline void find_sums(int32_t sum[AT_ONCE], const gc_convnet_code_t *const code[AT_ONCE], const int16_t *x, uint32_t n) {
+    const gc_convnet_code_t *code_a = code[0], *code_b = code[1], *code_c = code[2], *code_d = code[3];
+    int32_t a = 0, b = 0, c = 0, d = 0;
+#if GC_HAS_HALFWORDS
+    for (const int16_t *end = x + (n & ~1u); x < end; x += 2) {
+        const int16x2_t both = gc_halfwords_at(x);
+        a = __smlad(gc_halfwords_at(code_a), both, a);
+        b = __smlad(gc_halfwords_at(code_b), both, b);
+        c = __smlad(gc_halfwords_at(code_c), both, c);
+        d = __smlad(gc_halfwords_at(code_d), both, d);
+        code_a += 2;
+        code_b += 2;
+        code_c += 2;
+        code_d += 2;
+    }
+    n &= 1u;
+#endif
+    for (const int16_t *end = x + n; x < end; x++) {
+        const int32_t input = *x;
+        a += *code_a++ * input;
+        b += *code_b++ * input;
+        c += *code_c++ * input;
+        d += *code_d++ * input;
+    }
+    sum[0] = a;
+    sum[1] = b;
+    sum[2] = c;
+    sum[3] = d;
+}
+
+/* The same of inputs of 32 bits. */
+static inline void find_wide_sums(int32_t sum[AT_ONCE], const gc_convnet_code_t *const code[AT_ONCE], const int32_t *x, uint32_t n) {
+    const gc_convnet_code_t *code_a = code[0], *code_b = code[1], *code_c = code[2], *code_d = code[3];
+    int32_t a = 0, b = 0, c = 0, d = 0;
+    for (const int32_t *end = x + n; x < end; x++) {
+        const int32_t input = *x;
+        a += *code_a++ * input;
+        b += *code_b++ * input;
+        c += *code_c++ * input;
+        d += *code_d++ * input;
+    }
+    sum[0] = a;
+    sum[1] = b;
+    sum[2] = c;
+    sum[3] = d;
+}
+
+/* Computes y [times][channels] of a convolution from n inputs each time, `step` apart. Of fewer than four outputs that are left, the
+ * last is computed more than once. */
+static void convolve(const gc_convnet_layer_t *layer, int32_t leak, uint32_t channels, const int16_t *x, uint32_t n, uint32_t step,
+                     uint32_t times, int16_t *y) {
+    const int32_t *start = layer->start, *gain = layer->gain;
+    for (uint32_t a = 0; a < channels; a += AT_ONCE) {
+        const uint32_t b = least(a + 1u, channels - 1u), c = least(a + 2u, channels - 1u), d = least(a + 3u, channels - 1u);
+        const gc_convnet_code_t *const code[AT_ONCE] = {layer->code + a * n, layer->code + b * n, layer->code + c * n,
+                                                        layer->code + d * n};
+        const int16_t *input = x;
+        int16_t *out = y;
         for (uint32_t t = 0; t < times; t++) {
-            const int32_t *input = x + t * step;
-            const int8_t *code_a = layer->code + a * stride;
-            const int8_t *code_b = layer->code + b * stride;
-            const int8_t *code_c = layer->code + c * stride;
-            const int8_t *code_d = layer->code + d * stride;
-            int32_t sum_a = start[a];
-            int32_t sum_b = start[b];
-            int32_t sum_c = start[c];
-            int32_t sum_d = start[d];
-            for (const int32_t *end = input + n; input < end; input++) {
-                sum_a += *code_a++ * *input;
-                sum_b += *code_b++ * *input;
-                sum_c += *code_c++ * *input;
-                sum_d += *code_d++ * *input;
-            }
-            int32_t *out = y + t * outputs;
-            out[a] = leaky(times_gain(sum_a, layer->gain[a]), leak);
-            out[b] = leaky(times_gain(sum_b, layer->gain[b]), leak);
-            out[c] = leaky(times_gain(sum_c, layer->gain[c]), leak);
-            out[d] = leaky(times_gain(sum_d, layer->gain[d]), leak);
+            int32_t sum[AT_ONCE];
+            find_sums(sum, code, input, n);
+            out[a] = (int16_t)output(start[a] + sum[0], gain[a], leak);
+            out[b] = (int16_t)output(start[b] + sum[1], gain[b], leak);
+            out[c] = (int16_t)output(start[c] + sum[2], gain[c], leak);
+            out[d] = (int16_t)output(start[d] + sum[3], gain[d], leak);
+            input += step;
+            out += channels;
         }
     }
 }
 
+/* Computes a dense layer from n inputs of 16 bits, or of 32 where x is NULL; rows of codes are `stride` apart. */
+static void connect(const gc_convnet_layer_t *layer, int32_t leak, uint32_t outputs, const int32_t *start, uint32_t stride,
+                    const int16_t *x, const int32_t *wide, uint32_t n, int32_t *y) {
+    const int32_t *gain = layer->gain;
+    for (uint32_t a = 0; a < outputs; a += AT_ONCE) {
+        const uint32_t b = least(a + 1u, outputs - 1u), c = least(a + 2u, outputs - 1u), d = least(a + 3u, outputs - 1u);
+        const gc_convnet_code_t *const code[AT_ONCE] = {layer->code + a * stride, layer->code + b * stride,
+                                                        layer->code + c * stride, layer->code + d * stride};
+        int32_t sum[AT_ONCE];
+        if (x != NULL) {
+            find_sums(sum, code, x, n);
+        } else {
+            find_wide_sums(sum, code, wide, n);
+        }
+        y[a] = output(start[a] + sum[0], gain[a], leak);
+        y[b] = output(start[b] + sum[1], gain[b], leak);
+        y[c] = output(start[c] + sum[2], gain[c], leak);
+        y[d] = output(start[d] + sum[3], gain[d], leak);
+    }
+}
+
 /* rows [times][channels]: each is replaced by its sum with those after it in the second convolution's pool. */
-static void add_over_pool(const gc_convnet_t *net, uint32_t times, int32_t *rows) {
+static void add_over_pool(const gc_convnet_t *net, uint32_t times, int16_t *rows) {
     const uint32_t channels = net->first.channels;
     const uint32_t sums = (times - net->second.pool + 1u) * channels;
     const uint32_t pooled = net->second.pool * channels;
@@ -70,12 +132,12 @@ static void add_over_pool(const gc_convnet_t *net, uint32_t times, int32_t *rows
         for (uint32_t k = channels; k < pooled; k += channels) {
             sum += rows[i + k];
         }
-        rows[i] = sum;
+        rows[i] = (int16_t)sum;
     }
 }
 
 static int32_t last_sum(const gc_convnet_t *net, uint32_t output, const int32_t *x) {
-    const int8_t *code = net->last_layer.code + output * net->hidden;
+    const gc_convnet_code_t *code = net->last_layer.code + output * net->hidden;
     int32_t sum = net->last_layer.start[output];
     for (uint32_t i = 0; i < net->hidden; i++) {
         sum += code[i] * x[i];
@@ -91,18 +153,17 @@ bool gc_convnet_next_part(const gc_convnet_t *net, gc_convnet_work_t *work) {
     const uint32_t first_times = gc_convnet_first_times(net, stage);
     const uint32_t times = gc_convnet_second_times(net, stage);
     const uint32_t all = gc_convnet_second_times(net, GC_CONVNET_STAGES - 1u) * features;
-    const uint32_t taps = channels * net->second.kernel;
+    const int32_t leak = net->leak;
     const int16_t *straight = net->straight + stage * gc_convnet_columns(net, GC_CONVNET_STAGES - 1u);
     int32_t fourth[GC_CONVNET_MAX_HIDDEN];
     int64_t line = 0;
-    find_outputs(net, &net->first_layer, net->first_layer.start, net->first.kernel, work->columns, net->first.kernel, 1u,
-                 first_times, channels, work->sums);
+    convolve(&net->first_layer, leak, channels, work->columns, net->first.kernel, 1u, first_times, work->sums);
     add_over_pool(net, first_times, work->sums);
-    find_outputs(net, &net->second_layer, net->second_layer.start, taps, work->sums, taps, net->second.pool * channels, times,
-                 features, work->features);
-    find_outputs(net, &net->third_layer, net->third_layer.start + stage * hidden, all, work->features, times * features, 0u, 1u,
-                 hidden, work->third);
-    find_outputs(net, &net->fourth_layer, net->fourth_layer.start, hidden, work->third, hidden, 0u, 1u, hidden, fourth);
+    convolve(&net->second_layer, leak, features, work->sums, channels * net->second.kernel, net->second.pool * channels, times,
+             work->features);
+    connect(&net->third_layer, leak, hidden, net->third_layer.start + stage * hidden, all, work->features, NULL, times * features,
+            work->third);
+    connect(&net->fourth_layer, leak, hidden, net->fourth_layer.start, hidden, NULL, work->third, hidden, fourth);
     for (uint32_t i = 0; i < gc_convnet_columns(net, stage); i++) {
         line += (int64_t)straight[i] * work->columns[i];
     }

@@ -30,10 +30,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     if (error != GC_OK) {
         return error;
     }
-    for (size_t i = 0; i < 3u; i++) {
-        sample->acc[i] = gc_sensor_word(data[2u * i], data[1u + 2u * i]);
-        sample->gyro[i] = gc_sensor_word(data[6u + 2u * i], data[7u + 2u * i]);
-    }
+    gc_sensor_words_high_first(data, sample->acc);
+    gc_sensor_words_high_first(data + 6, sample->gyro);
     sample->temp = gc_sensor_word(data[12], data[13]);
     imu->data_wait = false;
     return GC_OK;
@@ -54,16 +52,9 @@ static int identify(gc_sensor_t *imu) {
 }
 
 static int reset(gc_sensor_t *imu) {
-    const gc_port_t *port = imu->port;
     int error = gc_sensor_write_reg(imu, GC_ICM20948_PWR_MGMT_1, GC_ICM20948_RESET);
-    const uint64_t start = port->now_us(port->context);
-    uint8_t power = GC_ICM20948_RESET;
-    while (error == GC_OK && (power & GC_ICM20948_RESET) != 0u) {
-        if (port->now_us(port->context) - start > GC_ICM20948_RESET_TIMEOUT_US) {
-            return GC_E_RESET_TIMEOUT;
-        }
-        gc_sensor_wait_us(imu, POLL_US);
-        error = gc_sensor_read_regs(imu, GC_ICM20948_PWR_MGMT_1, &power, 1);
+    if (error == GC_OK) {
+        error = gc_sensor_wait_for_bits(imu, GC_ICM20948_PWR_MGMT_1, GC_ICM20948_RESET, 0, POLL_US, GC_ICM20948_RESET_TIMEOUT_US);
     }
     gc_sensor_wait_us(imu, GC_ICM20948_AFTER_RESET_US);
     return error;
@@ -127,13 +118,7 @@ static int set_up(gc_sensor_t *imu) {
 }
 
 static int ready(gc_sensor_t *imu) {
-    uint8_t status = 0;
-    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_ICM20948_INT_STATUS_1, &status, 1);
-    if (error != GC_OK) {
-        return error;
-    }
-    imu->data_wait = imu->data_wait || (status & GC_ICM20948_DATA_READY) != 0u;
-    return imu->data_wait ? 1 : 0;
+    return gc_sensor_ready_once(imu, GC_ICM20948_INT_STATUS_1, GC_ICM20948_DATA_READY);
 }
 
 const gc_part_t gc_icm20948 = {

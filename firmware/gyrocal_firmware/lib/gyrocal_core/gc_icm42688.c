@@ -15,10 +15,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
         return error;
     }
     sample->temp = gc_sensor_word(data[0], data[1]);
-    for (size_t i = 0; i < 3u; i++) {
-        sample->acc[i] = gc_sensor_word(data[2u + 2u * i], data[2u + 2u * i + 1u]);
-        sample->gyro[i] = gc_sensor_word(data[8u + 2u * i], data[8u + 2u * i + 1u]);
-    }
+    gc_sensor_words_high_first(data + 2, sample->acc);
+    gc_sensor_words_high_first(data + 8, sample->gyro);
     imu->data_wait = false;
     return GC_OK;
 }
@@ -34,17 +32,10 @@ static int identify(gc_sensor_t *imu) {
 }
 
 static int reset(gc_sensor_t *imu) {
-    int error = gc_sensor_write_reg(imu, GC_ICM42688_DEVICE_CONFIG, GC_ICM42688_SOFT_RESET);
-    const uint64_t start = imu->port->now_us(imu->port->context);
-    uint8_t status = 0;
-    while (error == GC_OK && (status & GC_ICM42688_RESET_DONE) == 0u) {
-        if (imu->port->now_us(imu->port->context) - start > GC_ICM42688_RESET_TIMEOUT_US) {
-            return GC_E_RESET_TIMEOUT;
-        }
-        gc_sensor_wait_us(imu, GC_ICM42688_RESET_US);
-        error = gc_sensor_read_regs(imu, GC_ICM42688_INT_STATUS, &status, 1);
-    }
-    return error;
+    const int error = gc_sensor_write_reg(imu, GC_ICM42688_DEVICE_CONFIG, GC_ICM42688_SOFT_RESET);
+    return error != GC_OK ? error
+                          : gc_sensor_wait_for_bits(imu, GC_ICM42688_INT_STATUS, GC_ICM42688_RESET_DONE, GC_ICM42688_RESET_DONE,
+                                                    GC_ICM42688_RESET_US, GC_ICM42688_RESET_TIMEOUT_US);
 }
 
 /* The sensors are switched on last, after all that must not be written soon after it. */
@@ -83,13 +74,7 @@ static int set_up(gc_sensor_t *imu) {
 }
 
 static int ready(gc_sensor_t *imu) {
-    uint8_t status = 0;
-    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_ICM42688_INT_STATUS, &status, 1);
-    if (error != GC_OK) {
-        return error;
-    }
-    imu->data_wait = imu->data_wait || (status & GC_ICM42688_DATA_READY) != 0u;
-    return imu->data_wait ? 1 : 0;
+    return gc_sensor_ready_once(imu, GC_ICM42688_INT_STATUS, GC_ICM42688_DATA_READY);
 }
 
 const gc_part_t gc_icm42688 = {

@@ -4,10 +4,7 @@
 #include "gc_tagged_fifo.h"
 
 #define TEST_208_HZ_2000_DPS 0x5Cu
-#define TEST_LSB_DPS 0.070
-#define TEST_LEAST_DPS 150.0
-#define TEST_MOST_DPS 700.0
-#define TEST_SAMPLES 5u
+#define RESET_LOOK_US 50u
 #define CTRL_REGS 3u /* CTRL1_XL, CTRL2_G, CTRL3_C: the watched ones */
 
 static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}};
@@ -19,12 +16,6 @@ static const gc_range_t dsr_ranges[] = {
     {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C}, {4000.0, 0.140, 0x01},
 };
 
-static void three_words(const uint8_t *data, int16_t out[3]) {
-    for (size_t i = 0; i < 3u; i++) {
-        out[i] = gc_sensor_word(data[2u * i + 1u], data[2u * i]);
-    }
-}
-
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[14];
     const int error = gc_sensor_read_regs(imu, GC_LSM6DSO_OUT_TEMP_L, data, sizeof data);
@@ -32,8 +23,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
         return error;
     }
     sample->temp = gc_sensor_word(data[1], data[0]);
-    three_words(data + 2, sample->gyro);
-    three_words(data + 8, sample->acc);
+    gc_sensor_words_low_first(data + 2, sample->gyro);
+    gc_sensor_words_low_first(data + 8, sample->acc);
     return GC_OK;
 }
 
@@ -61,7 +52,6 @@ static int identify(gc_sensor_t *imu) {
 /* A part whose INT1 is high at a reset may take its bus for I3C and not answer until power-off. Data that nobody has read keep
    INT1 high, so the pin is released first. The reset itself enables I3C again. */
 static int reset(gc_sensor_t *imu) {
-    const gc_port_t *port = imu->port;
     int error = gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, 0);
     if (error == GC_OK) {
         error = disable_i3c(imu);
@@ -69,15 +59,9 @@ static int reset(gc_sensor_t *imu) {
     if (error == GC_OK) {
         error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL3_C, GC_LSM6DSO_CTRL3_SW_RESET | GC_LSM6DSO_CTRL3_IF_INC);
     }
-    const uint64_t start = port->now_us(port->context);
-    uint8_t ctrl3 = GC_LSM6DSO_CTRL3_SW_RESET;
-    while (error == GC_OK && (ctrl3 & GC_LSM6DSO_CTRL3_SW_RESET)) {
-        const uint64_t now = port->now_us(port->context);
-        if (now - start > GC_LSM6DSO_RESET_TIMEOUT_US) {
-            return GC_E_RESET_TIMEOUT;
-        }
-        port->wait_until_us(port->context, now + 50u);
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_CTRL3_C, &ctrl3, 1);
+    if (error == GC_OK) {
+        error = gc_sensor_wait_for_bits(imu, GC_LSM6DSO_CTRL3_C, GC_LSM6DSO_CTRL3_SW_RESET, 0, RESET_LOOK_US,
+                                        GC_LSM6DSO_RESET_TIMEOUT_US);
     }
     return error == GC_OK ? disable_i3c(imu) : error;
 }
@@ -155,28 +139,11 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 /* ---- self-test ---- */
 
 static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
-    double before[3], moved[3];
-    int error = route_int1(imu, 0);
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL2_G, TEST_208_HZ_2000_DPS);
-    }
-    gc_sensor_wait_us(imu, GC_LSM6DSO_TEST_US);
-    if (error == GC_OK) {
-        error = gc_sensor_mean(imu, TEST_SAMPLES, before);
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL5_C, GC_LSM6DSO_CTRL5_GYRO_TEST);
-    }
-    gc_sensor_wait_us(imu, GC_LSM6DSO_TEST_US);
-    if (error == GC_OK) {
-        error = gc_sensor_mean(imu, TEST_SAMPLES, moved);
-    }
-    if (error == GC_OK) {
-        const double change_dps[3] = {TEST_LSB_DPS * (moved[0] - before[0]), TEST_LSB_DPS * (moved[1] - before[1]),
-                                      TEST_LSB_DPS * (moved[2] - before[2])};
-        gc_sensor_judge_change(result, change_dps, TEST_LEAST_DPS, TEST_MOST_DPS);
-    }
-    return error;
+    static const uint8_t still[][2] = {{GC_LSM6DSO_INT1_CTRL, 0}, {GC_LSM6DSO_CTRL2_G, TEST_208_HZ_2000_DPS}};
+    static const gc_moving_test_t test = {
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = {GC_LSM6DSO_CTRL5_C, GC_LSM6DSO_CTRL5_GYRO_TEST},
+        .settle_us = GC_LSM6DSO_TEST_US, .samples = 5, .lsb_dps = 0.070, .least_dps = 150.0, .most_dps = 700.0};
+    return gc_sensor_test_by_change(imu, &test, result);
 }
 
 /* The part's table of ranges; what the parts with a FIFO of tagged words have; what all of the family have. */

@@ -7,10 +7,6 @@
 #define RESET_LOOK_US 100u
 #define TEST_CODE_240_HZ 7u
 #define TEST_CODE_2000_DPS 4u
-#define TEST_LSB_DPS 0.070
-#define TEST_LEAST_DPS 150.0
-#define TEST_MOST_DPS 700.0
-#define TEST_SAMPLES 5u
 
 static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}};
 static const gc_range_t ranges[] = {{125.0, 0.004375, 0x00}, {250.0, 0.00875, 0x01}, {500.0, 0.0175, 0x02},
@@ -25,10 +21,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
         return error;
     }
     sample->temp = gc_sensor_word(data[1], data[0]);
-    for (size_t i = 0; i < 3u; i++) {
-        sample->gyro[i] = gc_sensor_word(data[3u + 2u * i], data[2u + 2u * i]);
-        sample->acc[i] = gc_sensor_word(data[9u + 2u * i], data[8u + 2u * i]);
-    }
+    gc_sensor_words_low_first(data + 2, sample->gyro);
+    gc_sensor_words_low_first(data + 8, sample->acc);
     return GC_OK;
 }
 
@@ -47,18 +41,10 @@ static int reset(gc_sensor_t *imu) {
                                        {GC_LSM6DSV_CTRL1, 0},
                                        {GC_LSM6DSV_CTRL2, 0},
                                        {GC_LSM6DSV_CTRL3, GC_LSM6DSV_CTRL3_SW_RESET | GC_LSM6DSV_CTRL3_IF_INC}};
-    const gc_port_t *port = imu->port;
-    int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
-    const uint64_t start = port->now_us(port->context);
-    uint8_t ctrl3 = GC_LSM6DSV_CTRL3_SW_RESET;
-    while (error == GC_OK && (ctrl3 & GC_LSM6DSV_CTRL3_SW_RESET) != 0u) {
-        if (port->now_us(port->context) - start > GC_LSM6DSV_RESET_TIMEOUT_US) {
-            return GC_E_RESET_TIMEOUT;
-        }
-        gc_sensor_wait_us(imu, RESET_LOOK_US);
-        error = gc_sensor_read_regs(imu, GC_LSM6DSV_CTRL3, &ctrl3, 1);
-    }
-    return error;
+    const int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
+    return error != GC_OK ? error
+                          : gc_sensor_wait_for_bits(imu, GC_LSM6DSV_CTRL3, GC_LSM6DSV_CTRL3_SW_RESET, 0, RESET_LOOK_US,
+                                                    GC_LSM6DSV_RESET_TIMEOUT_US);
 }
 
 static int read_period(gc_sensor_t *imu) {
@@ -130,25 +116,10 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
     static const uint8_t still[][2] = {
         {GC_LSM6DSV_INT1_CTRL, 0}, {GC_LSM6DSV_CTRL6, TEST_CODE_2000_DPS}, {GC_LSM6DSV_CTRL2, TEST_CODE_240_HZ}};
-    double before[3], moved[3];
-    int error = gc_sensor_write_steps(imu, still, sizeof still / sizeof still[0]);
-    gc_sensor_wait_us(imu, GC_LSM6DSV_TEST_US);
-    if (error == GC_OK) {
-        error = gc_sensor_mean(imu, TEST_SAMPLES, before);
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(imu, GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST);
-    }
-    gc_sensor_wait_us(imu, GC_LSM6DSV_TEST_US);
-    if (error == GC_OK) {
-        error = gc_sensor_mean(imu, TEST_SAMPLES, moved);
-    }
-    if (error == GC_OK) {
-        const double change_dps[3] = {TEST_LSB_DPS * (moved[0] - before[0]), TEST_LSB_DPS * (moved[1] - before[1]),
-                                      TEST_LSB_DPS * (moved[2] - before[2])};
-        gc_sensor_judge_change(result, change_dps, TEST_LEAST_DPS, TEST_MOST_DPS);
-    }
-    return error;
+    static const gc_moving_test_t test = {
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = {GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST},
+        .settle_us = GC_LSM6DSV_TEST_US, .samples = 5, .lsb_dps = 0.070, .least_dps = 150.0, .most_dps = 700.0};
+    return gc_sensor_test_by_change(imu, &test, result);
 }
 
 const gc_part_t gc_lsm6dsv = {

@@ -27,10 +27,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     if (error != GC_OK) {
         return error;
     }
-    for (size_t i = 0; i < 3u; i++) {
-        sample->acc[i] = gc_sensor_word(data[2u * i], data[2u * i + 1u]);
-        sample->gyro[i] = gc_sensor_word(data[8u + 2u * i], data[8u + 2u * i + 1u]);
-    }
+    gc_sensor_words_high_first(data, sample->acc);
+    gc_sensor_words_high_first(data + 8, sample->gyro);
     sample->temp = gc_sensor_word(data[6], data[7]);
     imu->data_wait = false;
     return GC_OK;
@@ -43,17 +41,10 @@ static int identify(gc_sensor_t *imu) {
 }
 
 static int reset(gc_sensor_t *imu) {
-    int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_RESET);
-    const uint64_t start = imu->port->now_us(imu->port->context);
-    uint8_t power = GC_MPU6050_RESET;
-    while (error == GC_OK && (power & GC_MPU6050_RESET) != 0u) {
-        if (imu->port->now_us(imu->port->context) - start > GC_MPU6050_RESET_TIMEOUT_US) {
-            return GC_E_RESET_TIMEOUT;
-        }
-        gc_sensor_wait_us(imu, POLL_US);
-        error = gc_sensor_read_regs(imu, GC_MPU6050_PWR_MGMT_1, &power, 1);
-    }
-    return error;
+    const int error = gc_sensor_write_reg(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_RESET);
+    return error != GC_OK ? error
+                          : gc_sensor_wait_for_bits(imu, GC_MPU6050_PWR_MGMT_1, GC_MPU6050_RESET, 0, POLL_US,
+                                                    GC_MPU6050_RESET_TIMEOUT_US);
 }
 
 /* The part starts asleep, by its own oscillator, which is off by more than the gyroscope's. */
@@ -108,13 +99,7 @@ static int set_up(gc_sensor_t *imu) {
 }
 
 static int ready(gc_sensor_t *imu) {
-    uint8_t status = 0;
-    const int error = imu->data_wait ? GC_OK : gc_sensor_read_regs(imu, GC_MPU6050_INT_STATUS, &status, 1);
-    if (error != GC_OK) {
-        return error;
-    }
-    imu->data_wait = imu->data_wait || (status & GC_MPU6050_DATA_READY) != 0u;
-    return imu->data_wait ? 1 : 0;
+    return gc_sensor_ready_once(imu, GC_MPU6050_INT_STATUS, GC_MPU6050_DATA_READY);
 }
 
 #define ALIKE                                                                                                            \

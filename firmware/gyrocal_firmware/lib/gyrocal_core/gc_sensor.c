@@ -70,12 +70,38 @@ int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t a
     return result;
 }
 
+uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found) {
+    *found = NULL;
+    for (size_t k = 0; k < 2u; k++) {
+        for (const gc_part_t *const *part = parts; *part != NULL; part++) {
+            const uint8_t address = (*part)->address[k];
+            const bool is_new = gc_part_at(parts, address) == *part;
+            if (is_new && gc_part_find(parts, port, address, found) == GC_OK) {
+                return address;
+            }
+        }
+    }
+    return parts[0]->address[0];
+}
+
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n) {
     return n == 0u ? NAN : part->zero_c + part->lsb_c * (double)sum / (double)n;
 }
 
 int16_t gc_sensor_word(uint8_t high, uint8_t low) {
     return (int16_t)((high & 0x80u ? -0x8000 : 0) + ((high & 0x7F) << 8 | low));
+}
+
+void gc_sensor_words_low_first(const uint8_t *data, int16_t out[3]) {
+    for (size_t i = 0; i < 3u; i++) {
+        out[i] = gc_sensor_word(data[2u * i + 1u], data[2u * i]);
+    }
+}
+
+void gc_sensor_words_high_first(const uint8_t *data, int16_t out[3]) {
+    for (size_t i = 0; i < 3u; i++) {
+        out[i] = gc_sensor_word(data[2u * i], data[2u * i + 1u]);
+    }
 }
 
 void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us) {
@@ -100,6 +126,31 @@ int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
 
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
     return read_at(sensor, sensor->address, reg, data, n);
+}
+
+int gc_sensor_wait_for_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t wanted, uint64_t look_us, uint64_t timeout_us) {
+    const gc_port_t *port = sensor->port;
+    const uint64_t start = port->now_us(port->context);
+    uint8_t found = 0;
+    int error;
+    do {
+        if (port->now_us(port->context) - start > timeout_us) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        gc_sensor_wait_us(sensor, look_us);
+        error = gc_sensor_read_regs(sensor, reg, &found, 1);
+    } while (error == GC_OK && (found & mask) != wanted);
+    return error;
+}
+
+int gc_sensor_ready_once(gc_sensor_t *sensor, uint8_t reg, uint8_t flag) {
+    uint8_t status = 0;
+    const int error = sensor->data_wait ? GC_OK : gc_sensor_read_regs(sensor, reg, &status, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    sensor->data_wait = sensor->data_wait || (status & flag) != 0u;
+    return sensor->data_wait ? 1 : 0;
 }
 
 int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t n) {
@@ -165,7 +216,8 @@ static int wait_for_sample(gc_sensor_t *sensor, gc_sample_t *sample) {
     return ready < 0 ? ready : sensor->part->read(sensor, sample);
 }
 
-int gc_sensor_mean(gc_sensor_t *sensor, unsigned n, double mean[3]) {
+/* The mean of new readings of the gyroscope in counts, after one that is discarded. */
+static int mean_rate(gc_sensor_t *sensor, unsigned n, double mean[3]) {
     gc_sample_t sample;
     double sum[3] = {0.0, 0.0, 0.0};
     int error = wait_for_sample(sensor, &sample);
@@ -181,15 +233,32 @@ int gc_sensor_mean(gc_sensor_t *sensor, unsigned n, double mean[3]) {
     return error;
 }
 
-void gc_sensor_judge_change(gc_self_test_t *result, const double change_dps[3], double least_dps, double most_dps) {
-    result->passed = true;
-    result->least_dps = least_dps;
-    result->most_dps = most_dps;
-    for (size_t i = 0; i < 3u; i++) {
-        const double size_dps = fabs(change_dps[i]);
-        result->change_dps[i] = change_dps[i];
-        result->passed = result->passed && size_dps >= least_dps && size_dps <= most_dps;
+int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result) {
+    double before[3], moved[3];
+    int error = gc_sensor_write_steps(sensor, test->still, test->stills);
+    gc_sensor_wait_us(sensor, test->settle_us);
+    if (error == GC_OK) {
+        error = mean_rate(sensor, test->samples, before);
     }
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(sensor, test->moving[0], test->moving[1]);
+    }
+    gc_sensor_wait_us(sensor, test->settle_us);
+    if (error == GC_OK) {
+        error = mean_rate(sensor, test->samples, moved);
+    }
+    if (error != GC_OK) {
+        return error;
+    }
+    result->passed = true;
+    result->least_dps = test->least_dps;
+    result->most_dps = test->most_dps;
+    for (size_t i = 0; i < 3u; i++) {
+        const double change_dps = test->lsb_dps * (moved[i] - before[i]);
+        result->change_dps[i] = change_dps;
+        result->passed = result->passed && fabs(change_dps) >= test->least_dps && fabs(change_dps) <= test->most_dps;
+    }
+    return GC_OK;
 }
 
 int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {

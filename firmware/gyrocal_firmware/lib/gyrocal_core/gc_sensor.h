@@ -53,6 +53,16 @@ typedef struct {
     double least_dps, most_dps;   /* between which the maker wants each; NaN likewise */
 } gc_self_test_t;
 
+/* How a part that moves its own masses is tested. */
+typedef struct {
+    const uint8_t (*still)[2]; /* registers and values for the rate and the range of the test */
+    size_t stills;
+    uint8_t moving[2]; /* the register that begins to move them, and its value */
+    uint32_t settle_us;
+    unsigned samples;
+    double lsb_dps, least_dps, most_dps; /* what the maker wants */
+} gc_moving_test_t;
+
 typedef struct gc_sensor gc_sensor_t;
 
 /* A kind of sensor. The functions return GC_OK or an error of gc_error.h. */
@@ -122,6 +132,9 @@ bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
 const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address);
 /* Asks the part at the address which of a list it is. Returns GC_OK, GC_E_WRONG_ID (it is none of them) or an error of the bus. */
 int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found);
+/* Asks at each address that a part of the list may have, the usual ones first. Returns the first at which one of them answers, with
+   that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. */
+uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found);
 
 /* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
    do not allow. */
@@ -146,18 +159,23 @@ int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result);
 
 /* The functions from here on serve drivers. */
 int16_t gc_sensor_word(uint8_t high, uint8_t low);
+/* Three words in a row, by which of their bytes comes first. */
+void gc_sensor_words_low_first(const uint8_t *data, int16_t out[3]);
+void gc_sensor_words_high_first(const uint8_t *data, int16_t out[3]);
 void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us);
 int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
+/* Looks every look_us until the bits of `mask` read `wanted`. Returns GC_E_RESET_TIMEOUT if they do not in time. */
+int gc_sensor_wait_for_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t wanted, uint64_t look_us, uint64_t timeout_us);
+/* What `ready` returns where a look at the flag clears it. The reading clears data_wait. */
+int gc_sensor_ready_once(gc_sensor_t *sensor, uint8_t reg, uint8_t flag);
 /* Writes registers, each with its value, in this order. */
 int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t n);
 /* The same of the second die. */
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
-/* The mean of n new readings of the gyroscope in counts, after one that is discarded. For self-tests. */
-int gc_sensor_mean(gc_sensor_t *sensor, unsigned n, double mean[3]);
-/* Fills in the changes and judges their sizes by the maker's limits. */
-void gc_sensor_judge_change(gc_self_test_t *result, const double change_dps[3], double least_dps, double most_dps);
+/* Reads the rates at rest and again while the part moves its own masses, and judges the change. */
+int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result);
 /* Returns error_if_other if a watched register does not hold what was written to it. */
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
 

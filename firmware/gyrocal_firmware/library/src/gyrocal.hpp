@@ -92,24 +92,15 @@ public:
     Device(const Device &) = delete;
     Device &operator=(const Device &) = delete;
 
-    /* The address of the first sensor that the library knows; 0 if none answers. */
-    uint8_t find() const {
+    /* Takes the first sensor that answers. Without one, bus_nack is reported until one does. */
+    void begin() {
         const gc_part_t *found = nullptr;
-        for (const int each : {0x6B, 0x6A, 0x68, 0x69}) {
-            const uint8_t address = static_cast<uint8_t>(each);
-            if (gc_part_find(gc_parts, &port_, address, &found) == GC_OK) {
-                return address;
-            }
-        }
-        return 0;
+        begin(gc_part_look(gc_parts, &port_, &found));
     }
-
-    /* Without a sensor, bus_nack is reported until one answers at 0x6B. */
-    void begin() { begin(find()); }
     void begin(uint8_t address) {
         config_.port = &port_;
         config_.parts = gc_parts;
-        config_.address = address != 0 ? address : 0x6B;
+        config_.address = address;
         config_.calibration = gyrocal_calibration;
         config_.net = gyrocal_net;
         gc_device_init(&device_, &config_);

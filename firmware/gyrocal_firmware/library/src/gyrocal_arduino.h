@@ -28,17 +28,12 @@ public:
 
     /* Finds a sensor that the library knows. Returns its address, or 0 if there is none; part may be nullptr. */
     uint8_t find(const gc_part_t **part) const {
-        static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
         const gc_part_t *found = nullptr;
-        for (const uint8_t address : addresses) {
-            if (gc_part_find(gc_parts, &port_, address, &found) == GC_OK) {
-                if (part != nullptr) {
-                    *part = found;
-                }
-                return address;
-            }
+        const uint8_t address = gc_part_look(gc_parts, &port_, &found);
+        if (part != nullptr && found != nullptr) {
+            *part = found;
         }
-        return 0;
+        return found != nullptr ? address : 0;
     }
 
 private:

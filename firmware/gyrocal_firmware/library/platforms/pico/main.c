@@ -1,7 +1,6 @@
 /* The calibrator on a Raspberry Pi Pico: sensor on I2C0, SDA GP4 (pin 6), SCL GP5 (pin 7); text over USB. It keeps nothing over
    power-off. A reader who is not there costs nothing: what the USB does not take at once is dropped, and the device counts it. */
 #include "gc_device.h"
-#include "gc_error.h"
 #include "gc_parts.h"
 #include "headers.h"
 
@@ -75,20 +74,10 @@ static const uint8_t *part_file(void *context, const char *part, size_t *n) {
 static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
                                .send = send, .restart = restart, .part_file = part_file};
 
-static uint8_t find(void) {
-    static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
-    const gc_part_t *found = NULL;
-    for (size_t i = 0; i < sizeof addresses; i++) {
-        if (gc_part_find(gc_parts, &port, addresses[i], &found) == GC_OK) {
-            return addresses[i];
-        }
-    }
-    return addresses[0]; /* bus_nack is reported until one answers there */
-}
-
 int main(void) {
     static gc_device_config_t config;
     static gc_device_t device;
+    const gc_part_t *found;
     stdio_init_all();
     stdio_set_translate_crlf(&stdio_usb, false);
     i2c_init(BUS, BUS_HZ);
@@ -99,7 +88,7 @@ int main(void) {
     sleep_ms(100); /* start-up time of the slowest sensor */
     config.port = &port;
     config.parts = gc_parts;
-    config.address = find();
+    config.address = gc_part_look(gc_parts, &port, &found);
     config.calibration = gyrocal_calibration;
     config.net = gyrocal_net;
     gc_device_init(&device, &config);

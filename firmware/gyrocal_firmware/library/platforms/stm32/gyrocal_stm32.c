@@ -3,7 +3,6 @@
 #include "gyrocal_stm32.h"
 
 #include "gc_device.h"
-#include "gc_error.h"
 #include "gc_parts.h"
 #include "headers.h"
 
@@ -80,8 +79,7 @@ static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .no
                                .send = send, .restart = restart, .part_file = part_file};
 
 void gyrocal_begin(I2C_HandleTypeDef *i2c, UART_HandleTypeDef *wire) {
-    static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
-    const gc_part_t *found = NULL;
+    const gc_part_t *found;
     bus = i2c;
     uart = wire;
     CoreDebug->DEMCR |= CoreDebug_DEMCR_TRCENA_Msk;
@@ -89,10 +87,7 @@ void gyrocal_begin(I2C_HandleTypeDef *i2c, UART_HandleTypeDef *wire) {
     HAL_Delay(100); /* start-up time of the slowest sensor */
     config.port = &port;
     config.parts = gc_parts;
-    config.address = addresses[0]; /* bus_nack is reported until a sensor answers there */
-    for (size_t i = 0; i < sizeof addresses && found == NULL; i++) {
-        config.address = gc_part_find(gc_parts, &port, addresses[i], &found) == GC_OK ? addresses[i] : config.address;
-    }
+    config.address = gc_part_look(gc_parts, &port, &found);
     config.calibration = gyrocal_calibration;
     config.net = gyrocal_net;
     gc_device_init(&device, &config);

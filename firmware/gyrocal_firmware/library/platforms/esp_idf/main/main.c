@@ -1,6 +1,5 @@
 /* The calibrator with ESP-IDF: sensor at GPIO 21 (SDA) and 22 (SCL), text over UART0, results kept in NVS. */
 #include "gc_device.h"
-#include "gc_error.h"
 #include "gc_parts.h"
 #include "headers.h"
 
@@ -109,13 +108,12 @@ static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .no
 void app_main(void) {
     static gc_device_config_t config;
     static gc_device_t device;
-    static const uint8_t addresses[] = {0x6B, 0x6A, 0x68, 0x69};
     const i2c_master_bus_config_t bus_config = {.i2c_port = I2C_NUM_0, .sda_io_num = SDA, .scl_io_num = SCL,
                                                 .clk_source = I2C_CLK_SRC_DEFAULT, .glitch_ignore_cnt = 7,
                                                 .flags.enable_internal_pullup = true};
     const uart_config_t uart_config = {.baud_rate = BAUD, .data_bits = UART_DATA_8_BITS, .parity = UART_PARITY_DISABLE,
                                        .stop_bits = UART_STOP_BITS_1, .flow_ctrl = UART_HW_FLOWCTRL_DISABLE};
-    const gc_part_t *found = NULL;
+    const gc_part_t *found;
     ESP_ERROR_CHECK(uart_driver_install(UART_NUM_0, 256, TX_BYTES, 0, NULL, 0));
     ESP_ERROR_CHECK(uart_param_config(UART_NUM_0, &uart_config));
     ESP_ERROR_CHECK(nvs_flash_init());
@@ -124,10 +122,7 @@ void app_main(void) {
     vTaskDelay(pdMS_TO_TICKS(100)); /* start-up time of the slowest sensor */
     config.port = &port;
     config.parts = gc_parts;
-    config.address = addresses[0]; /* bus_nack is reported until a sensor answers there */
-    for (size_t i = 0; i < sizeof addresses && found == NULL; i++) {
-        config.address = gc_part_find(gc_parts, &port, addresses[i], &found) == GC_OK ? addresses[i] : config.address;
-    }
+    config.address = gc_part_look(gc_parts, &port, &found);
     config.calibration = gyrocal_calibration;
     config.net = gyrocal_net;
     gc_device_init(&device, &config);
