@@ -106,17 +106,19 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold], walk: Walk | None = 
         pulled = form @ cells.residual_dps
         product = 4 * float(pulled @ slow @ pulled - np.sum((form @ slow) * of_data.T)) if slow.ndim else 0.0
         noise, systematic = (float(np.sqrt(max(v, 0.0))) for v in (variance - (1 - 2 * SETTLED) * common, product))
-        if walk is not None:  # the sum is mostly the square of the walk's slowest part
-            noise *= of_skewed(8 * float(np.sum(of_data @ of_data * of_data.T)) / variance**1.5)
+        # the sum may be mostly the squares of a few offsets, or of the slowest part of a walk
+        noise *= of_skewed(variance, 8 * float(np.sum(of_data @ of_data * of_data.T)))
         out.append(Errors(noise, systematic, float(np.sum(form * (covariance - without)))))
     return out[0], out[1]
 
 
-def of_skewed(skewness: float) -> float:
+def of_skewed(variance: float, third: float) -> float:
     """The factor on the standard deviation of a sum of squares with which chance exceeds it as rarely as a normal one.
 
-    By Cornish and Fisher, at ``OF_ERRORS`` standard deviations: a sum of few squares has a long tail.
+    ``variance`` and ``third`` are its central moments. By Cornish and Fisher, at ``OF_ERRORS`` standard deviations: a sum of
+    few squares has a long tail.
     """
+    skewness = third / variance**1.5 if variance > 0 else 0.0
     return 1 + skewness * (OF_ERRORS**2 - 1) / (6 * OF_ERRORS)
 
 

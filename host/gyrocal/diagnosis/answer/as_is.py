@@ -17,6 +17,7 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.diagnosis.naming import candidates as naming
 from gyrocal.diagnosis.residual.angles import Angles
+from gyrocal.diagnosis.residual.beyond_errors import beyond_errors
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.diagnosis.residual.drawn_size import most_visible_of
 from gyrocal.diagnosis.residual.finding import Finding
@@ -27,6 +28,7 @@ from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
+from gyrocal.inference.excess_error import of_skewed
 from gyrocal.inference.expected import of_cycle
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.kept import Kept, kept
@@ -65,6 +67,8 @@ def compare_as_is(session: Session, model: Model | str | Path | None, *, progres
     moved = _moved(own.fit, opened, held)
     found = _as_it_is(own, held)
     where = [*_findings(moved, held, own.judged), *own.where]
+    rest = [axis for axis in own.judged if axis in found.per_axis and axis not in {f.axis for f in where}]
+    where += beyond_errors(session, found.per_axis, found.angles, own.nearest, rest)
     if not where and not own.implausible:
         judged = naming.candidates(own, unless=POLICY.name_alarm, progress=progress)
         where = naming.findings(own, judged)
@@ -124,11 +128,17 @@ def _with_model_error(floor: Floor, fitted: AxisFit, cov: Array) -> Floor:
         taken += across.T @ np.linalg.pinv((o * n[:, None]).T @ o, rcond=1e-9, hermitian=True) @ across
     samples = max(samples, 1.0)
     of_all, of_within = everything @ cov / samples, (everything - taken) @ cov / samples
-    error, error_within = (float(np.sqrt(2 * max(np.trace(m @ m), 0.0))) for m in (of_all, of_within))
+    error, error_within = (_of_squares(m) for m in (of_all, of_within))
     return Floor(
         floor.all + float(np.trace(of_all)), floor.within + max(float(np.trace(of_within)), 0.0),
         float(np.hypot(floor.error, error)), float(np.hypot(floor.error_within, error_within)), floor.white,
     )  # fmt: skip
+
+
+def _of_squares(form: Array) -> float:
+    """The standard error of a sum of as few squares as there are parameters, with the expectation ``trace(form)``, [p, p]."""
+    square, cube = (max(0.0, float(np.trace(np.linalg.matrix_power(form, k)))) for k in (2, 3))
+    return float(np.sqrt(2 * square)) * of_skewed(2 * square, 8 * cube)
 
 
 def _findings(moved: Sequence[Moved], held: Kept, judged: Sequence[str]) -> list[Finding]:

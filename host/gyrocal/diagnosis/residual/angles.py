@@ -128,7 +128,7 @@ def _error(noise: Sequence[Array], freedom: Sequence[float]) -> float:
     variance = 2 * sum(float(np.sum(of**2)) for of in noise)
     estimated = 2 * sum(float(np.trace(of)) ** 2 / count for of, count in zip(noise, freedom, strict=True))
     third = 8 * sum(float(np.sum(of @ of * of.T)) for of in noise)
-    return float(np.sqrt(variance + estimated)) * (of_skewed(third / variance**1.5) if variance > 0 else 1.0)
+    return float(np.sqrt(variance + estimated)) * of_skewed(variance, third)
 
 
 @dataclass(frozen=True)
