@@ -220,3 +220,20 @@ def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     assert bool(tones) == named
     hints = [f for f in found.comparison.where if "the Earth's rate makes" in f.note]
     assert bool(hints) == (not named)
+
+
+@pytest.mark.parametrize("aligned", [True, False])
+def test_a_wide_pulse_once_a_turn_is_no_ripple(aligned: bool) -> None:
+    """Its orders fall like those of a ripple, but all have their crests at one angle, as of a magnet beside the table."""
+    width_rad = np.deg2rad(20.0)
+    sizes = 0.02 * np.exp(-((np.arange(1, 6) * width_rad) ** 2) / 2)
+    phases = np.arange(1, 6) * 2.0 if aligned else np.array([0.3, 4.0, 2.2, 1.0, 5.5])
+
+    def wave(run: Run) -> Planted:
+        angle_rad = table_angle_rad(run)
+        return {"z": sum(a * np.cos((k + 1) * angle_rad - p) for k, (a, p) in enumerate(zip(sizes, phases, strict=True)))}
+
+    found = diagnose(with_terms(paper(), wave))
+    named = {c.effect.id for c in found.candidates if c.decision == "add" and c.axis == "z"}
+    assert ("table_ripple" in named) != aligned
+    assert any(f.axis == "z" for f in found.comparison.where)

@@ -60,6 +60,18 @@ def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     return over_turns(turning, [_rest_dps(r, axis) for r in turning], axis)
 
 
+def waves_per_turn(runs: Sequence[Run], axis: int, orders: Sequence[int]) -> NDArray[np.complex128]:
+    """Complex amplitudes [turning runs, orders] of measured minus true rate over whole turns of the table, deg/s."""
+    out = []
+    for run in runs:
+        turn = turned_turn(run) - turned_turn(run)[0] if _turns(run) else np.zeros(len(run))
+        whole = np.abs(turn) < np.floor(np.abs(turn[-1:]).sum())
+        if whole.any():
+            rest_dps = _rest_dps(run, axis)[whole]
+            out.append([2 * np.mean(rest_dps * np.exp(-2j * np.pi * k * turn[whole])) for k in orders])
+    return np.array(out, dtype=complex).reshape(len(out), len(orders))
+
+
 def over_turns(turning: Sequence[Run], residuals: Sequence[Array], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of an axis's residuals [n] in runs that turn, without samples at rest."""
     moves = [np.abs(r.rate_dps) > AT_REST * np.abs(r.rate_dps).max() for r in turning]

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from gyrocal.effects.base import Law, Parameter, Values
-from gyrocal.effects.order_tone import HARMONIC, strong_orders
+from gyrocal.effects.order_tone import HARMONIC, strong_orders, waves_per_turn
 from gyrocal.effects.quantities import TURNING, rate_about
 from gyrocal.effects.wave import TableWave
 from gyrocal.recording.session import Array, Run
 
 ORDERS = (1, 2, 3, 4)
+OF_NOISE = range(9, 17)
+"""Orders whose size is taken as noise."""
+FEWEST, STANDS_OUT, ALIGNED_RAD = 3, 4.0, 0.45
+"""A wide pulse has so many orders, each so many times the noise, whose crests are within so much of their own turn."""
 BEYOND = (5, 6)
 """Orders that all stand out if the wave is a pulse once a turn. One alone may be the teeth of a gear."""
 
@@ -52,10 +58,35 @@ class TableRipple(TableWave):
         return single + growing
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False for a pulse once a turn, as of a magnet beside the table: its lines go on beyond those of a ripple."""
+        """False for a pulse once a turn, as of a magnet beside the table.
+
+        The lines of a narrow one go on beyond those of a ripple. Those of a wide one fall from order to order, and all their
+        crests (or all their troughs) are at the angle of the pulse.
+        """
         lines = strong_orders(runs, axis)
         strongest_dps = max((size for k, size in lines.items() if k in ORDERS), default=0.0)
-        return sum(lines.get(k, 0.0) > HARMONIC * strongest_dps for k in BEYOND) < len(BEYOND)
+        beyond = sum(lines.get(k, 0.0) > HARMONIC * strongest_dps for k in BEYOND)
+        return beyond < len(BEYOND) and not _is_wide_pulse(runs, axis)
 
     def size(self, run: Run, axis: int) -> Array:
         return rate_about(run, axis)
+
+
+def _is_wide_pulse(runs: Sequence[Run], axis: int) -> bool:
+    """True if the orders of a turn fall in size and have their crests, or their troughs, at one angle.
+
+    The angle may be another one in each run. A ripple of three orders does so by chance in one case of a hundred.
+    """
+    waves = waves_per_turn(runs, axis, [*ORDERS, *OF_NOISE])
+    if not len(waves):
+        return False
+    sizes = np.sqrt(np.mean(np.abs(waves) ** 2, axis=0))
+    clear = sizes[: len(ORDERS)] > STANDS_OUT * float(np.median(sizes[len(ORDERS) :]))
+    count = len(ORDERS) if clear.all() else int(np.argmin(clear))
+    if count < FEWEST or np.any(np.diff(sizes[:count]) > 0):
+        return False
+    first = waves[:, 0] / np.abs(waves[:, 0])
+    # crests at the angle a: the wave of order k has the phase k·a; troughs there: half a turn more
+    beside = [np.sum(waves[:, k] * np.conj(first) ** (k + 1)) for k in range(1, count)]
+    turned = [np.abs(np.angle(np.array(beside) * sign ** np.arange(1, count))) for sign in (1.0, -1.0)]
+    return bool(min(t.max() for t in turned) < ALIGNED_RAD)

@@ -12,7 +12,7 @@ from gyrocal.diagnosis.naming.explained import Explained, explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
-from gyrocal.diagnosis.residual.coherence import keeps_its_phase, of_the_reference
+from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.mistaken import must_be_sure
 from gyrocal.effects.order_tone import OrderTone
@@ -102,6 +102,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
         or effect.contradicted(term.values, excess.part)
+        or (effect.is_line and line_of_reference(blocks.comparison.fit, blocks.axis, term.values["f_hz"], term.values["A_dps"]))
         or (chance < POLICY.false_discovery_rate and _outdone(current.fit, fitted, effect))
         or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))

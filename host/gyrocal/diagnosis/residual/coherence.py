@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gyrocal.inference.fitted import AxisFit
+from gyrocal.diagnosis.residual.angles import measured_angle_noise_deg
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array
 
 LEAST_PERIODS = 1.5
 """Number of periods in a part."""
@@ -50,6 +51,29 @@ def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     beyond = incoherent - degrees * noise
     certain = beyond > POLICY.coherence_errors * noise * np.sqrt(2 * degrees)
     return not certain or of_run > least * (of_run + beyond)
+
+
+def of_angles(fitted: Fit) -> bool:
+    """True if the true rate is the slope of measured angles. Its noise grows with frequency, and no test of power applies."""
+    return any(b.run.measured_rates is not None and b.run.measured_rates.derived for b in fitted.blocks)
+
+
+def line_of_reference(fitted: Fit, axis: str, frequency_hz: float, amplitude_dps: float) -> bool:
+    """True if a line in what is left of the readings is that of measured angles: of their steps, or not in the readings."""
+    if amplitude_dps < 2 * np.pi * frequency_hz * measured_angle_noise_deg(fitted.session, axis):
+        return True  # the steps of an encoder make lines, whose angle is below its noise
+    return of_angles(fitted) and _in_readings_dps(fitted, axis, frequency_hz) < POLICY.read_part * amplitude_dps
+
+
+def _in_readings_dps(fitted: Fit, axis: str, frequency_hz: float) -> float:
+    """Amplitude of the readings at a frequency, the largest of all runs, deg/s."""
+    found = []
+    for run in (b.run for b in fitted.blocks):
+        window = np.hanning(len(run))
+        read_dps = run.gyro_dps[:, AXES.index(axis)]
+        wave = np.exp(-2j * np.pi * frequency_hz * run.sample_s)
+        found.append(2 * abs(np.sum(window * (read_dps - read_dps.mean()) * wave)) / float(window.sum()))
+    return float(max(found))
 
 
 def of_the_reference(fitted: AxisFit, waves: Sequence[Array]) -> bool:

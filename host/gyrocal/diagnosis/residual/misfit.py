@@ -9,8 +9,8 @@ from itertools import chain
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.diagnosis.residual.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.residual.bias_step import steps_of_runs
+from gyrocal.diagnosis.residual.coherence import line_of_reference, of_angles
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Remainder, spectrum_of
 from gyrocal.diagnosis.residual.power_band import hump
@@ -45,10 +45,8 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     peak = _unexplained_peak(fitted, axis, spectrum, alarm)
     if peak is None:
         return None
-    if peak.amplitude_dps < 2 * np.pi * peak.frequency_hz * measured_angle_noise_deg(fitted.session, axis):
-        return None  # the steps of an encoder make lines, whose angle is below its noise
-    if _of_angles(fitted) and _in_readings_dps(fitted, axis, peak.frequency_hz) < POLICY.read_part * peak.amplitude_dps:
-        return None  # the reference has it, and the sensor has not
+    if line_of_reference(fitted, axis, peak.frequency_hz, peak.amplitude_dps):
+        return None
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {rate_text(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
@@ -80,17 +78,6 @@ def _peaks(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Iterator
         spectrum = spectrum.without_line(hz)
 
 
-def _in_readings_dps(fitted: Fit, axis: str, frequency_hz: float) -> float:
-    """Amplitude of the readings at a frequency, the largest of all runs, deg/s."""
-    found = []
-    for run in (b.run for b in fitted.blocks):
-        window = np.hanning(len(run))
-        read_dps = run.gyro_dps[:, AXES.index(axis)]
-        wave = np.exp(-2j * np.pi * frequency_hz * run.sample_s)
-        found.append(2 * abs(np.sum(window * (read_dps - read_dps.mean()) * wave)) / float(window.sum()))
-    return float(max(found))
-
-
 def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a line in the residual's spectrum over the table's angle.
 
@@ -113,14 +100,9 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
-def _of_angles(fitted: Fit) -> bool:
-    """True if the true rate is the slope of measured angles. Its noise grows with frequency, and no test of power applies."""
-    return any(b.run.measured_rates is not None and b.run.measured_rates.derived for b in fitted.blocks)
-
-
 def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bump in the residual's spectrum."""
-    if _of_angles(fitted):
+    if of_angles(fitted):
         return None
     bump = remainder.spectrum.bump()
     if bump is None or bump.chance >= alarm:
@@ -131,21 +113,21 @@ def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
 
 def _not_white(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for more power than noise in a band of frequencies."""
-    if _of_angles(fitted):
+    if of_angles(fitted):
         return None
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
 def _hump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for more power about one frequency than noise has."""
-    if _of_angles(fitted):
+    if of_angles(fitted):
         return None
     return hump(fitted.axes[axis], axis, alarm)
 
 
 def _patch(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a band that is louder than its neighbours, all the time, from time to time or for some seconds."""
-    if _of_angles(fitted):
+    if of_angles(fitted):
         return None
     lines_hz = [peak.frequency_hz for peak, left in _peaks(fitted, axis, remainder.spectrum, alarm) if left]
     found = patch(list(remainder.by_run.values()), fitted.session.sample_rate_hz, lines_hz)
