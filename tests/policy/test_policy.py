@@ -39,6 +39,7 @@ NO_THRESHOLDS = {
     "BEYOND_ROUNDING", "LEAST_LEVEL", "LEAST_APART",  # of rounding, and bounds of a division
     "(LOW_KNEES_HZ, ORDERS)", "AMPLITUDES", "LEFT_OVER", "STATES",  # grids and priors
     "LEFT_BETWEEN", "LEAST_CHI2", "LEAST_OF_NOISE",  # of the computation of the evidence
+    "FREE",  # a spread at which each power cycle has its own bias
     "KNOTS", "FAILED", "NAMED",  # measured shares of true names
 }
 """Numbers of the layers that judge that are no thresholds."""
