@@ -22,7 +22,7 @@ from gyrocal.warning import Warning, accepted
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
     if session.reference.kind == "gravity":  # no true rate is known, and the rests are checked when they are found
-        return accepted([*columns.check(session), *header.check(session)], session.accept)
+        return accepted([*columns.check(session), *readings.repeated(session), *header.check(session)], session.accept)
     session = registered(session)
     levels_dps = readings.clip_levels_dps(session)
     dead = readings.constant(session, levels_dps)
@@ -47,6 +47,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *columns.check(session, {w.file for w in moved}),
         *about_reference,
         *readings.first_sample(session, levels_dps),
+        *readings.repeated(session),
         *header.check(session),
     ]
     return accepted(found, session.accept)

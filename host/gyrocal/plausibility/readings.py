@@ -20,7 +20,8 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
-
+SHORTEST = 50
+"""Readings that two runs must share at least. The noise of a few coarse ones may be the same by chance."""
 
 Levels = Sequence[float | None]
 
@@ -51,6 +52,28 @@ def constant(session: Session, levels_dps: Levels) -> list[Warning]:
         out += [Warning("constant_reading", axis, r.file, text, True) for r in stuck]
         out += _standing(session, i, [r for r in session.runs if r not in still_runs], level, noise_counts)
     return out
+
+
+def repeated(session: Session) -> list[Warning]:
+    """``same_readings``: a run with every reading of an earlier one. Noise alone makes two recordings differ."""
+    first: dict[bytes, Run] = {}
+    out = []
+    for run in session.runs:
+        if len(run) < SHORTEST or not np.all(np.ptp(run.gyro_dps, axis=0)[list(_alive(session))]):
+            continue
+        earlier = first.setdefault(run.gyro_dps.tobytes(), run)
+        if earlier is not run:
+            text = (
+                f"its {len(run)} readings are those of {earlier.file}, one by one: the same recording counts twice, and "
+                "predicts itself where one of the two is held out. Remove one of them"
+            )
+            out.append(Warning("same_readings", None, run.file, text, True))
+    return out
+
+
+def _alive(session: Session) -> list[int]:
+    """The axes on which some run's readings change."""
+    return [i for i in range(len(AXES)) if any(np.ptp(r.gyro_dps[:, i]) > 0 for r in session.runs)] or [0]
 
 
 def _should_move(session: Session, axis: int) -> bool:
