@@ -62,7 +62,7 @@ def repeated(session: Session) -> list[Warning]:
     for run in session.runs:
         if len(run) < SHORTEST or not np.all(np.ptp(run.gyro_dps, axis=0)[list(_alive(session))]):
             continue
-        earlier = first.setdefault(blake2b(np.ascontiguousarray(run.gyro_dps)).digest(), run)
+        earlier = first.setdefault(blake2b(np.ascontiguousarray(run.gyro_dps).data).digest(), run)
         if earlier is not run:
             text = (
                 f"its {len(run)} readings are those of {earlier.file}, one by one: the same recording counts twice, and "
