@@ -106,8 +106,8 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold], walk: Walk | None = 
         pulled = form @ cells.residual_dps
         product = 4 * float(pulled @ slow @ pulled - np.sum((form @ slow) * of_data.T)) if slow.ndim else 0.0
         noise, systematic = (float(np.sqrt(max(v, 0.0))) for v in (variance - (1 - 2 * SETTLED) * common, product))
-        # the sum may be mostly the squares of a few offsets, or of the slowest part of a walk
-        noise *= of_skewed(variance, 8 * float(np.sum(of_data @ of_data * of_data.T)))
+        if walk is not None:  # the sum is mostly the square of the walk's slowest part
+            noise *= of_skewed(variance, 8 * float(np.sum(of_data @ of_data * of_data.T)))
         out.append(Errors(noise, systematic, float(np.sum(form * (covariance - without)))))
     return out[0], out[1]
 

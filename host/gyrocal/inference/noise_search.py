@@ -199,7 +199,8 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
     if start is None:
-        start = likeliest_start(design)
+        noises = first_noises(design, noise_scale.white_sd_dps)
+        start = max((with_noise(design, noise, unknown_spreads(design)) for noise in noises), key=lambda fit: fit.loglik)
     first, spreads = start.noise, start.spreads
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), spreads.run.size

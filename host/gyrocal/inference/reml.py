@@ -22,7 +22,7 @@ from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
-TOLERANCE = 1e-4
+TOLERANCE = 1e-3
 """A search for noise and spreads ends when a step gains less log-likelihood."""
 LEVEL = 1e-2
 """It also ends where the log-likelihood rises by less for each unit of the coordinates."""
