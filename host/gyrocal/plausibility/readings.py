@@ -21,8 +21,6 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
-SHORTEST = 50
-"""Readings that two runs must share at least. The noise of a few coarse ones may be the same by chance."""
 
 Levels = Sequence[float | None]
 
@@ -60,7 +58,7 @@ def repeated(session: Session) -> list[Warning]:
     first: dict[bytes, Run] = {}
     out = []
     for run in session.runs:
-        if len(run) < SHORTEST or not np.all(np.ptp(run.gyro_dps, axis=0)[list(_alive(session))]):
+        if len(run) < POLICY.copied_readings or not np.all(np.ptp(run.gyro_dps, axis=0)[list(_alive(session))]):
             continue
         earlier = first.setdefault(blake2b(np.ascontiguousarray(run.gyro_dps).data).digest(), run)
         if earlier is not run:

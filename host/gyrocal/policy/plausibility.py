@@ -18,6 +18,11 @@ class Plausibility:
     """Thresholds of the warnings. The slope of a run is what its readings follow of the true rate, 1 for a perfect sensor."""
 
     # Slopes: unit, sign, face, rate, scale
+    copied_readings: int = threshold(
+        50, "readings that two runs must share, each on every axis, to be the same recording",
+        larger="a copy of a short run is not seen", smaller="a few coarse readings agree by chance",
+        chosen_by="chosen by judgement",
+    )  # fmt: skip
     unit_within: float = threshold(
         0.1, "relative deviation of a slope from pi/180 or 180/pi up to which the unit is wrong",
         larger="a small slope of another cause is called rad/s", smaller="poor sensors in rad/s are not recognised",
