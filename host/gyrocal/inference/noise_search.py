@@ -97,8 +97,13 @@ def likeliest_start(design: Design, *others: AxisFit) -> AxisFit:
     A search that begins elsewhere may end at a lesser maximum: a fast drift explains noise of another colour as well as it can.
     """
     scale = NoiseScale.of(design)
-    starts = [with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design, scale.white_sd_dps)]
-    return max([*others, *(_at_its_level(fit, scale.bounds[0]) for fit in starts)], key=lambda fit: fit.loglik)
+    starts = (_at_its_level(fit, scale.bounds[0]) for fit in _first_fits(design, scale))
+    return max([*others, *starts], key=lambda fit: fit.loglik)
+
+
+def _first_fits(design: Design, scale: NoiseScale) -> list[AxisFit]:
+    """The fits of a design at its :func:`first_noises`."""
+    return [with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design, scale.white_sd_dps)]
 
 
 def _at_its_level(fit: AxisFit, bounds: tuple[float, float]) -> AxisFit:
@@ -199,8 +204,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
     if start is None:
-        noises = first_noises(design, noise_scale.white_sd_dps)
-        start = max((with_noise(design, noise, unknown_spreads(design)) for noise in noises), key=lambda fit: fit.loglik)
+        start = max(_first_fits(design, noise_scale), key=lambda fit: fit.loglik)
     first, spreads = start.noise, start.spreads
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), spreads.run.size

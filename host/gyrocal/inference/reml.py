@@ -337,9 +337,7 @@ class SpreadScale:
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
-def maximise(
-    loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]]
-) -> Array:  # fmt: skip
+def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]]) -> Array:
     """The coordinates of the maximum of a log-likelihood, which is given with its derivatives.
 
     L-BFGS-B goes the whole gradient in its first step if every coordinate is bounded. The gradient of a log-likelihood grows
@@ -374,8 +372,7 @@ def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads
         solution, slopes = equations.solve_with_slopes(Spreads(sd[:k], sd[k:]))
         return solution.loglik, scale.slopes(x, slopes)
 
-    begin = scale.coordinates(np.concatenate([start.run, start.scenario]))
-    x = maximise(loglik, begin, scale.bounds)
+    x = maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds)
     sd = scale.settled(x)
     return Spreads(sd[:k], sd[k:])
 

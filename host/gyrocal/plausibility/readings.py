@@ -55,10 +55,12 @@ def constant(session: Session, levels_dps: Levels) -> list[Warning]:
 
 def repeated(session: Session) -> list[Warning]:
     """``same_readings``: a run with every reading of an earlier one. Noise alone makes two recordings differ."""
+    moves = np.array([np.ptp(run.gyro_dps, axis=0) > 0 for run in session.runs])
+    alive = moves.any(axis=0)
     first: dict[bytes, Run] = {}
     out = []
-    for run in session.runs:
-        if len(run) < POLICY.copied_readings or not np.all(np.ptp(run.gyro_dps, axis=0)[list(_alive(session))]):
+    for run, moving in zip(session.runs, moves, strict=True):
+        if len(run) < POLICY.copied_readings or not alive.any() or not moving[alive].all():
             continue
         earlier = first.setdefault(blake2b(np.ascontiguousarray(run.gyro_dps).data).digest(), run)
         if earlier is not run:
@@ -68,11 +70,6 @@ def repeated(session: Session) -> list[Warning]:
             )
             out.append(Warning("same_readings", None, run.file, text, True))
     return out
-
-
-def _alive(session: Session) -> list[int]:
-    """The axes on which some run's readings change."""
-    return [i for i in range(len(AXES)) if any(np.ptp(r.gyro_dps[:, i]) > 0 for r in session.runs)] or [0]
 
 
 def _should_move(session: Session, axis: int) -> bool:

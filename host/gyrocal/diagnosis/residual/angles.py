@@ -122,7 +122,6 @@ class Angles:
         return Level.of(squares, power, error, power / n, count)
 
 
-
 def _error(noise: Sequence[Array], freedom: Sequence[float]) -> float:
     """The standard error of a sum of squares with these covariances [k, k], each estimated from so many squares."""
     variance = 2 * sum(float(np.sum(of**2)) for of in noise)
