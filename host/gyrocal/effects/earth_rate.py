@@ -10,6 +10,8 @@ from gyrocal.effects.base import Effect, Parameter
 from gyrocal.recording.session import Array, Run
 
 EARTH_DPS = 15.041067 / 3600
+OF_EARTH = 1.1
+"""Amplitude of a wave once per turn, as a part of the Earth's rate, up to which it may be that rate beside noise."""
 
 
 class EarthRate(Effect):
@@ -74,3 +76,8 @@ def in_plane_dps(runs: Sequence[Run], axis: int) -> float:
         return 0.0
     known = [r.latitude_deg for r in turning if r.latitude_deg is not None]
     return float(EARTH_DPS * np.cos(np.deg2rad(np.min(np.abs(known)) if known else 0.0)))
+
+
+def may_be_in_plane(runs: Sequence[Run], axis: int, amplitude_dps: float) -> bool:
+    """True if a wave once per turn is no larger than what the Earth's rate makes on an axis in the table's plane."""
+    return amplitude_dps < OF_EARTH * in_plane_dps(runs, axis)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
-from gyrocal.effects.quantities import cosines, power_on_time_s, rate_about, slope_squared, warming_c
+from gyrocal.effects.quantities import cosines, power_on_time_s, rate_about, slope_squared, temperature_c, warming_c
 from gyrocal.recording.session import Array, Run
 
 Course = Callable[[Run, int, Mapping[str, float]], Array]
@@ -107,12 +107,13 @@ def by_temperature() -> Effect:
 
 def over_temperature(runs: Sequence[Run]) -> Effect:
     """A bias that is any smooth function of the measured temperature."""
-    known = [run.temp_c for run in runs if run.temp_c is not None]
+    known = [temp_c for run in runs if (temp_c := temperature_c(run)) is not None]
     low_c, high_c = min(float(t.min()) for t in known), max(float(t.max()) for t in known)
 
     def columns(run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        if run.temp_c is None:
+        temp_c = temperature_c(run)
+        if temp_c is None:
             return np.zeros((len(run), COSINES))
-        return UNIT_DPS * cosines((run.temp_c - low_c) / max(high_c - low_c, 1e-9), COSINES).T
+        return UNIT_DPS * cosines((temp_c - low_c) / max(high_c - low_c, 1e-9), COSINES).T
 
     return _Mistaken(columns, COSINES)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.earth_rate import in_plane_dps
+from gyrocal.effects.earth_rate import may_be_in_plane
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
 from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
@@ -39,8 +39,6 @@ which it is that number."""
 NOT_WHOLE = 0.25
 """Distance of a fitted order from a whole number, as a part of that resolution, from which on it is none. The error of the
 weakest order that is named is an eighth of the resolution."""
-OF_EARTH = 1.1
-"""Amplitude of a wave once per turn, as a part of the Earth's rate, up to which it may be that rate beside noise."""
 OF_A_PULSE = range(1, 7)
 """Orders of which several stand out in a pulse once a turn."""
 SEVERAL, STANDS_OUT = 3, 0.05
@@ -274,7 +272,7 @@ class OrderTone(Tone):
         order = round(values["order"])
         if abs(values["order"] - order) > NEAR_WHOLE:
             return False
-        if order == 1 and values["A_dps"] < OF_EARTH * in_plane_dps(runs, axis):
+        if order == 1 and may_be_in_plane(runs, axis, values["A_dps"]):
             return True
         largest_dps = max((float(np.abs(rate_about(r, axis)).max()) for r in runs), default=0.0)
         sizes = [

@@ -15,8 +15,7 @@ from gyrocal.diagnosis.residual.drawn_size import described, drawn_power
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.diagnosis.residual.probes import beside, probe, with_curves
-from gyrocal.effects.earth_rate import in_plane_dps
-from gyrocal.effects.order_tone import OF_EARTH
+from gyrocal.effects.earth_rate import in_plane_dps, may_be_in_plane
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.noise.orders import LEAST_TURNS
 from gyrocal.policy import POLICY
@@ -164,7 +163,8 @@ def _orders(finding: Finding) -> tuple[float, ...]:
 
 def beside_earth(finding: Finding, runs: Sequence[Run]) -> Finding:
     """The finding, with a hint where the Earth's rate makes such a wave: once per turn, on an axis in the table's plane."""
-    most_dps = in_plane_dps(runs, AXES.index(finding.axis))
-    if 1 not in _orders(finding) or finding.amplitude_dps > OF_EARTH * most_dps:
+    axis = AXES.index(finding.axis)
+    if 1 not in _orders(finding) or not may_be_in_plane(runs, axis, finding.amplitude_dps):
         return finding
-    return replace(finding, note=f"{finding.note}; the Earth's rate makes {rate_text(most_dps)} once per turn on this axis")
+    made = rate_text(in_plane_dps(runs, axis))
+    return replace(finding, note=f"{finding.note}; the Earth's rate makes {made} once per turn on this axis")
