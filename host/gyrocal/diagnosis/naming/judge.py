@@ -12,6 +12,7 @@ from gyrocal.diagnosis.naming.explained import Explained, explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.mistaken import must_be_sure
@@ -124,7 +125,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a wave changes its phase within the runs, is the reference's, or has sizes that contradict those by the rate."""
+    """True if a wave changes its phase within the runs, is the reference's, or has other sizes than its law says."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
     if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
@@ -140,8 +141,11 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
     ]
     if of_the_reference(fitted, parts):
         return True
-    sizes_dps = np.array([np.sqrt(np.mean(part**2)) if part.size else 0.0 for part in parts])
-    return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
+    if wave.rate_power is not None:
+        sizes = WaveSizes.of(fitted, own, wave.rate_power)
+        return sizes.log_odds(wave.rate_power) < 0
+    squares = np.array([np.mean(part**2) if part.size else 0.0 for part in parts])
+    return float(np.median(squares)) < POLICY.even**2 * float(np.mean(squares))
 
 
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
