@@ -255,7 +255,7 @@ class Diagnosis:
         larger="transients with a small common part are not named", smaller="differences between runs count as an effect",
     )  # fmt: skip
     even: float = threshold(
-        0.5, "smallest ratio of median to root mean square over the runs' sizes of a vibration",
+        0.5, "smallest ratio of median to root mean square over the runs' sizes of a tone",
         larger="noise makes a steady tone look uneven; with noise alone the ratio is 0.83",
         smaller="a tone in half of the runs is named",
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
@@ -302,7 +302,7 @@ class Diagnosis:
     size_within: float = threshold(
         0.1, "standard deviation of the sizes of a wave of the table about their law, relative to the strongest one: no law is "
         "exact, and what leaks from one order into another has no one size",
-        larger="disturbances of nearly one size in the runs are named a ripple or a tone of the table",
+        larger="over less than two turns, disturbances of nearly one size in the runs are named a wave of the table",
         smaller="a true wave whose size differs a little from run to run is not named",
         chosen_by="the waves that five frozen parts of gyrocal benchmark edge named: 20 of 20 true ones have even odds or "
         "better (docs/evidence.md)",

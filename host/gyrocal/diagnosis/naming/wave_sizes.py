@@ -1,7 +1,8 @@
 """How large a wave of unknown phase is in each run, and the odds that its size follows the law of its effect.
 
-A wave whose phase is free in each run follows much of any disturbance, the more so in few turns. But a wave of the table has
-one size, or one that grows with the rate. A disturbance has another size in each run.
+A tone of the table has one size, and a ripple of its speed one that grows with the rate. Both may have another size in each
+run, as on a table that is loaded anew. But a wave whose phase is free follows any disturbance over less than two turns. There
+it must have the size that its law says, for a disturbance has another one in each run.
 """
 
 from __future__ import annotations
@@ -57,18 +58,23 @@ class WaveSizes:
         size, error = np.moveaxis(np.reshape(found, (-1, len(pairs), 2)), 2, 0)
         return WaveSizes(size, error, np.array(rates_dps))
 
-    def log_odds(self, rate_power: float) -> float:
-        """Log odds that the size grows with the rate to ``rate_power``, over the other law and over another size in each run.
+    def log_odds(self, rate_power: float, *, exact: bool) -> float:
+        """Log odds that the size grows with the rate to ``rate_power``, which is 0 or 1, over the law of the other number.
 
-        ``rate_power`` is 0 or 1, and the other law is that of the other number.
+        With ``exact``, it grows so from run to run, and another size in each run counts against it. Else that is granted to
+        both laws, whose mean squares then differ.
         """
         if self.size_dps.size == 0:
             return 0.0
         several = bool(np.ptp(self.rate_dps) >= ONE_RATE * self.rate_dps.max())
-        powers = (0.0, 1.0) if several else (0.0,)
-        at_random = [self._integrated(_at_random, power) - np.log(len(powers)) for power in powers]
-        rival = [self._integrated(_of_law, 1.0 - rate_power)] if several else []
-        return self._integrated(_of_law, rate_power) - float(np.logaddexp.reduce([*rival, *at_random]))
+        other = 1.0 - rate_power
+        own, rival = [self._integrated(_of_law, rate_power)], [self._integrated(_of_law, other)] * several
+        own_at_random, at_random = self._integrated(_at_random, rate_power), [self._integrated(_at_random, other)] * several
+        if not exact:
+            own, rival = [*own, own_at_random], [*rival, *at_random]
+        else:
+            rival = [*rival, *(one - np.log(1 + several) for one in (own_at_random, *at_random))]
+        return float(np.logaddexp.reduce(own) - np.logaddexp.reduce(rival)) if rival else 0.0
 
     def _integrated(self, loglik: Callable[[Array, Array, Array], Array], power: float) -> float:
         """The logarithm of a likelihood, integrated over the logarithm of each order's size."""
