@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ from gyrocal.api import (
     simulate,
 )  # fmt: skip
 from gyrocal.present.output import plus_minus
+
+TABLE2 = files("gyrocal") / "data" / "table2" / "model.toml"
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +202,10 @@ def test_a_folder_will_do_and_errors_speak_python(session: Session, tmp_path: Pa
 
 WRONG: dict[str, Callable[[Path], Any]] = {
     "most_steps is -1; give": lambda s: explain(s, most_steps=-1),
+    "model is a int; give a Model": lambda s: compare(s, 3),  # type: ignore[arg-type]
+    "frame is a list; give": lambda s: Model.open(str(TABLE2)).correct([1.0]),
+    "reading_dps is one sample": lambda s: Model.open(str(TABLE2)).corrector()([1.0, 2.0]),
+    "methods q: there are": lambda s: calibrate(s, methods="q"),
     "only_day 9: no such day": lambda s: compare(s, only_day=9),
     "methods guess: there are": lambda s: calibrate(s, methods=["guess"]),
     "between drift: give two different effects": lambda s: plan(s, between=["drift"]),
@@ -216,6 +223,18 @@ WRONG: dict[str, Callable[[Path], Any]] = {
     "maps gz_dps=w:rpm: unit": lambda s: imported(s, "gz_dps=w:rpm"),
     "maps gz_dps=w:counts: the unit counts needs lsb_dps": lambda s: imported(s, "gz_dps=w:counts"),
 }
+
+
+def test_one_value_will_do_where_several_are_taken(session: Session) -> None:
+    one, listed = calibrate(session, 6, "baseline"), calibrate(session, [6.0], ["baseline"])  # type: ignore[arg-type]
+    assert [e.to_json() for e in one] == [e.to_json() for e in listed]
+
+
+def test_a_model_corrects_arrays_by_name(session: Session) -> None:
+    frame, model = session.runs[0].table.head(100), Model.open(str(TABLE2))
+    by_name = model.correct({name: frame[name].to_numpy() for name in frame.columns})
+    assert isinstance(by_name, dict)
+    assert by_name["gz_dps"] == pytest.approx(model.correct(frame)["gz_dps"].to_numpy())
 
 
 def imported(session: Path, *maps: str) -> Session:

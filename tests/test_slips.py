@@ -55,7 +55,7 @@ HINTS = {
     "import log.csv new": "say which columns to take: --map gz_dps=COLUMN:UNIT",
     "import log.csv s --rate 78": "--append to add runs to it",
     "import nothing.csv new --rate 78": "the file is empty",
-    "import photo.jpg new --rate 78": "docs/importing.md lists them",
+    "import photo.jpg new --rate 78": "save it as one of these",
     "import notes.txt new --rate 78": "else name the columns by --map",
     "import empty new --rate 78": "no tables in this folder (.csv",
     "import log.csv new --map t_s=time": "among time, x, y, z; say which columns to take: --map gz_dps=COLUMN:UNIT",

@@ -74,6 +74,7 @@ class Shape(TypedDict):
     against: str
     strength: float
     note: str
+    times_rate: bool
 
 
 class ParameterLine(TypedDict):
@@ -435,12 +436,23 @@ class Train(TypedDict):
     run: str
 
 
+class AllanFigures(TypedDict):
+    """What a datasheet states, read off the Allan deviation."""
+
+    noise_density_dps_per_rthz: Number
+    angle_random_walk_deg_per_rth: Number
+    bias_instability_dps: float
+    at_s: float
+    bottom: bool
+
+
 class Allan(TypedDict):
     """``allan``."""
 
     axis: Axis
     tau_s: list[float]
     deviation_dps: list[float]
+    figures: AllanFigures | None
 
 
 class EffectParameter(TypedDict):
@@ -475,7 +487,7 @@ class Effects(TypedDict):
 class Info(TypedDict):
     """``info``: what else there is depends on ``kind``."""
 
-    kind: Literal["session", "model", "plan", "log"]
+    kind: Literal["session", "sessions", "model", "plan", "json", "log"]
 
 
 class Simulated(TypedDict):
@@ -562,12 +574,12 @@ class Version(TypedDict):
 
 
 ANSWERS: dict[str, tuple[Any, str]] = {
-    "add": (Add, "1.0"), "allan": (Allan, "1.0"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
-    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.2"), "device": (Device, "1.0"),
+    "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
+    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.0"),
-    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
-    "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
+    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.1"),
+    "keep": (Keep, "1.1"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
     "wifi": (derived(Network, url=str, token=str), "1.0"),
 }  # fmt: skip

@@ -64,16 +64,23 @@ def correct(model: Model, run: Run, bias_dps: Mapping[str, float] | None = None)
 
 
 def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
-    """Remove the model's effects from a table and return a table of the same kind, with corrected accelerations if it can.
+    """Remove the model's effects from a table and return one of its kind; accelerations are corrected if it can.
 
-    ``frame`` is a polars or pandas table with the columns of a session's table (``t_s``, ``gx_dps``, ``gy_dps``, ``gz_dps`` and
-    optional ones), or an array [n, 4] of time in s and rates in deg/s. Raises InputError for a table without these columns.
+    ``frame`` is a polars or pandas table, or a dict of arrays, with the columns of a session's table (``t_s``, ``gx_dps``,
+    ``gy_dps``, ``gz_dps`` and optional ones), or an array [n, 4] of time in s and rates in deg/s. Raises InputError for
+    anything else.
     """
     if isinstance(frame, np.ndarray):
         if frame.ndim != 2 or frame.shape[1] != 4:
             raise InputError(f"the array has the shape {frame.shape}; give [n, 4]: t_s, gx_dps, gy_dps, gz_dps")
         table = pl.DataFrame(frame, schema=["t_s", *RATES])
         return np.column_stack([frame[:, 0], correct(model, run_of(table, "array"), bias_dps).rate_dps])
+    if isinstance(frame, Mapping):
+        by_name = correct_frame(model, pl.DataFrame({name: np.asarray(values) for name, values in frame.items()}), bias_dps)
+        return {name: by_name[name].to_numpy() for name in by_name.columns}
+    if not hasattr(frame, "columns"):
+        kinds = "a polars or pandas table, a dict of arrays, or an array [n, 4]"
+        raise InputError(f"frame is a {type(frame).__name__}; give {kinds}")
     pandas = not isinstance(frame, pl.DataFrame)
     table = pl.DataFrame({name: np.asarray(frame[name]) for name in frame.columns}) if pandas else frame
     done = correct(model, run_of(table, "table"), bias_dps)

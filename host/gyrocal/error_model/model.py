@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -77,6 +78,8 @@ class Model(Shown):
             return source
         if source is None:
             return Model.builtin("default")
+        if not isinstance(source, str | os.PathLike):
+            raise InputError(f"model is a {type(source).__name__}; give a Model, paper, default, or a model file")
         path = Path(source)
         if str(source) in ("paper", "default"):
             return Model.builtin(str(source))
@@ -98,6 +101,10 @@ class Model(Shown):
     def on(self, axis: str) -> list[Term]:
         """The terms on one axis."""
         return [t for t in self.terms if t.axis == axis]
+
+    def about(self, axis: str) -> Model:
+        """The terms and the noise of one axis alone."""
+        return replace(self, terms=tuple(self.on(axis)), noise={a: noise for a, noise in self.noise.items() if a == axis})
 
     def noise_on(self, axis: str) -> AxisNoise:
         """The noise of one axis."""

@@ -37,7 +37,7 @@ ACCELERATION = (
     r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|gf|g_f|"
     r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?|fb"
 )
-TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
+TEMPERATURE = r"t|t_?(?:die|chip|imu|sensor)|die_?t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 MAGNETIC = r"mag|(?:^|[/._ ])[uµμn]_?t$"
 """Words of a magnetic field, whose unit ends with a T as temperatures' names do."""
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
