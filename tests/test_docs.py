@@ -130,7 +130,8 @@ def test_the_site_has_no_broken_link_and_every_page_is_in_its_menu(site: ModuleT
 
 def test_commands_are_marked_and_long_sentences_of_transcripts_wrapped(site: ModuleType) -> None:
     long = "word " * 40
-    text = f"Type:\n\n    gyrocal compare s\n    gyrocal add s\n\nIt says:\n\n    {long}\n    │ {long} │\n\n- a\n\n    make b\n\nEnd\n"
+    commands = "Type:\n\n    gyrocal compare s\n    gyrocal add s\n\nIt says:\n\n"
+    text = f"{commands}    {long}\n    │ {long} │\n\n- a\n\n    make b\n\nEnd\n"
     marked = site._with_commands_marked(text)
     assert "Type:\n\n```bash\ngyrocal compare s\ngyrocal add s\n```\n\nIt says:" in marked
     sentence, row = marked.split("It says:\n\n")[1].split("\n    │")

@@ -1,9 +1,10 @@
 """gyrocal itself: `explain` with the model `default`, whose values are the sizes and whose correction is the answer."""
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
-from gyrocal.api import Session, explain
+from gyrocal.api import Session, apply, explain
 
 
 def answer(session: Path) -> dict[str, Any]:
@@ -14,6 +15,7 @@ def answer(session: Path) -> dict[str, Any]:
     names = [(term.effect_id, term.axis) for term in model.terms if term.effect.role is None]
     if opened.reference.kind == "gravity":
         return {"names": names, "sizes": values}
-    rates = ["gx_dps", "gy_dps", "gz_dps"]
-    corrected = {run.file: model.correct(run.table).select(rates).to_numpy() for run in opened.runs}
+    with tempfile.TemporaryDirectory() as scratch:
+        apply(session, model, Path(scratch) / "corrected")
+        corrected = {run.file: run.gyro_dps for run in Session.open(Path(scratch) / "corrected").runs}
     return {"names": names, "sizes": values, "corrected": corrected}

@@ -34,7 +34,8 @@ ELSEWHERE = {
 """Pages outside ``docs/``, by their path in the repository, and where they stand in the site."""
 
 COMMANDS = re.compile(
-    r"(?<=\S)\n\n(?P<block>    (?:gyrocal|pip|make|python|docker|export|pytest|GYROCAL_\w+=)\b.*\n(?:    .*\n|\n(?=    ))*)(?=\n)"
+    r"(?<=\S)\n\n(?P<block>    (?:gyrocal|pip|make|python|docker|export|pytest|GYROCAL_\w+=)\b.*\n"
+    r"(?:    .*\n|\n(?=    ))*)(?=\n)"
 )
 """An indented block that begins with a command."""
 ITEM = re.compile(r"\s*(?:[-*]|\d+\.)\s")

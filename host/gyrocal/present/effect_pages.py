@@ -81,7 +81,8 @@ def _index() -> str:
 
 def _card(kind: Described) -> str:
     """An effect in the gallery: its picture, its name, and what else looks like it."""
-    return f"[![signature of {kind.id}]({kind.id}.svg)]({kind.id}.md) **{kind.title}.** What else looks like it: {_linked(kind)}."
+    picture = f"[![signature of {kind.id}]({kind.id}.svg)]({kind.id}.md)"
+    return f"{picture} **{kind.title}.** What else looks like it: {_linked(kind)}."
 
 
 def _page(kind: Described) -> str:
