@@ -7,7 +7,7 @@
 
 ``answer`` gets the folder of a session and returns a dict, each key of which may be left out: ``names``, the effects that are
 certain as ``[id, axis]`` with the library's ids; ``sizes``, values by ``effect.axis.parameter``; ``corrected``, the true rates
-[n, 3] of each run by its file. What it raises counts as a case without an answer.
+[n, 3] of each run by its file's name. What it raises counts as a case without an answer.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from gyrocal.simulation.simulate import RATE_HZ, TABLE_RATE_DPS, paper_windows
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 Name = tuple[str, str]
+LEAST_DPS = 1e-4
+"""An error that is smaller beside a bias and a scale has nothing to be removed."""
 SCENARIOS, SAMPLED, EDGE_CASES = 48, 6, 24
 
 
@@ -70,7 +72,7 @@ def loaded(file: Path) -> Tool:
             found = answer(session)
             names = tuple((str(id_), str(axis)) for id_, axis in found.get("names", ()))
             sizes = {str(name): float(value) for name, value in found.get("sizes", {}).items()}
-            corrected = {str(name): np.asarray(rates, float) for name, rates in found.get("corrected", {}).items()}
+            corrected = {Path(name).stem: np.asarray(rates, float) for name, rates in found.get("corrected", {}).items()}
         except Exception as error:
             return Told(seconds=time.process_time() - begun, error=f"{type(error).__name__}: {error}")
         return Told(names, sizes, corrected, time.process_time() - begun)
@@ -82,7 +84,7 @@ def loaded(file: Path) -> Tool:
 class Reading:
     """A run's readings, its true rates, and what the sensor's effects added to the readings, all [n, 3], deg/s."""
 
-    file: str
+    name: str
     day: int
     readings: Array
     rates: Array
@@ -90,11 +92,11 @@ class Reading:
 
 
 def left_over(told: Told, runs: Sequence[Reading]) -> float | None:
-    """The error that a correction leaves, over that of the readings; None where there is no correction of every run.
+    """The error that a correction leaves, over that of the readings; None where not every run has one, or nothing to remove.
 
     Both are without noise, and a bias and a scale of each day and axis are taken out, as in the blind benchmark.
     """
-    if set(told.corrected) != {run.file for run in runs}:
+    if set(told.corrected) != {run.name for run in runs}:
         return None
     left, before = list[Array](), list[Array]()
     for day in dict.fromkeys(run.day for run in runs):
@@ -103,11 +105,11 @@ def left_over(told: Told, runs: Sequence[Reading]) -> float | None:
             rate = np.concatenate([run.rates[:, i] for run in mine])
             known = np.column_stack([np.ones_like(rate), rate])
             added = np.concatenate([run.added[:, i] for run in mine])
-            removed = np.concatenate([(run.readings - told.corrected[run.file])[:, i] for run in mine])
+            removed = np.concatenate([(run.readings - told.corrected[run.name])[:, i] for run in mine])
             for kept, signal in ((left, removed - added), (before, added)):
                 kept.append(signal - known @ np.linalg.lstsq(known, signal, rcond=None)[0])
     after, first = (float(np.sqrt(np.mean(np.concatenate(part) ** 2))) for part in (left, before))
-    return after / first if first > 0 else None
+    return after / first if first > LEAST_DPS else None
 
 
 def of_sensor(id_: str) -> bool:
@@ -170,7 +172,7 @@ def of_edge(tool: Tool, sample: bool, progress: Progress, part: str = "work", st
             told = tool(Path(scratch) / "session")
         signals = [planting.signal(one, case.made) for one in case.planted if of_sensor(one.id)]
         runs = [
-            Reading(f"{k:03d}_{run.face}.parquet", run.day, case.readings[k].T, run.w.T, sum(signal[k].T for signal in signals))
+            Reading(f"{k:03d}_{run.face}", run.day, case.readings[k].T, run.w.T, sum(signal[k].T for signal in signals))
             for k, run in enumerate(case.made.runs) if signals
         ]  # fmt: skip
         tally.add(draw.name, told, planted_sizes(case.planted), runs)
@@ -200,7 +202,7 @@ def of_blind(tool: Tool, sample: bool, progress: Progress, limit: int | None = N
         ids = [e.id for e in case.effects if of_sensor(e.id)]
         runs = [
             Reading(
-                run.file, run.day, readings[run.file], np.outer(run.rate_dps, about),
+                Path(run.file).stem, run.day, readings[run.file], np.outer(run.rate_dps, about),
                 sum(run.injected_dps[id_].T for id_ in ids),
             )
             for run in truth.runs if ids

@@ -78,7 +78,9 @@ print(found.K_g.round(5), found.b_g.round(4), found.R_g.round(5))
     Tool("gyrocal", f"{ROOT}", """
 gyrocal import ferraris.csv lab --rate-hz 102.4 --yes --sections ferraris.json --rate 0 \\
     --run-meta 'x_*:axis=x' --run-meta 'y_*:axis=y' --run-meta '*_a:face=down' --run-meta '*_rot:turn=-360'
-gyrocal explain lab -o model.toml
+gyrocal add misalignment lab --axis x -o model.toml
+gyrocal add misalignment lab --axis y --model model.toml
+gyrocal add misalignment lab --axis z --model model.toml
 gyrocal info model.toml
 """, shell=True),
 )  # fmt: skip

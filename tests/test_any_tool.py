@@ -35,9 +35,9 @@ def test_a_correction_is_held_against_the_planted_error(any_tool: Any) -> None:
     rates = np.column_stack([np.zeros(n), np.zeros(n), np.repeat([30.0, -30.0, 60.0, -60.0, 0.0], n // 5)])
     added, noise = 1e-3 * rates**2, random.normal(0.0, 0.05, (n, 3))
     readings = 1.01 * rates + 0.3 + added + noise
-    runs = [any_tool.Reading("a.csv", 1, readings, rates, added)]
+    runs = [any_tool.Reading("a", 1, readings, rates, added)]
     cases = {"all": readings - added, "nothing": readings, "half": readings - added / 2}
-    left = {name: any_tool.left_over(any_tool.Told(corrected={"a.csv": r}), runs) for name, r in cases.items()}
+    left = {name: any_tool.left_over(any_tool.Told(corrected={"a": r}), runs) for name, r in cases.items()}
     assert left == pytest.approx({"all": 0.0, "nothing": 1.0, "half": 0.5}, abs=1e-9)
     assert any_tool.left_over(any_tool.Told(), runs) is None
 
@@ -69,7 +69,7 @@ def test_who_knows_what_was_planted_has_no_error(
         case, opened = known["case"], any_tool.Session.open(folder)
         ids = [e.id for e in case.effects if any_tool.of_sensor(e.id)]
         added = {run.file: sum(run.injected_dps[i] for i in ids) if ids else 0.0 for run in known["runs"]}
-        corrected = {run.file: run.gyro_dps - np.transpose(added[run.file]) for run in opened.runs}
+        corrected = {Path(run.file).stem: run.gyro_dps - np.transpose(added[run.file]) for run in opened.runs}
         names = [(e.id, e.axes[0]) for e in case.effects if e.id in case.expected and case.kind in ("effect", "pair")]
         return any_tool.Told(tuple(names), any_tool.planted_sizes(case.effects), corrected)
 
