@@ -17,7 +17,7 @@ HINTS = {
     "compare s --zebra": "No such option: --zebra See: gyrocal compare --help",
     "diagnose s --model": "requires an argument",
     "calibrate s --seconds 2;4": "several with commas",
-    "calibrate s --seconds 60": "ask for less with --seconds",
+    "calibrate s --seconds 60": "ask for less, or for --seconds all",
     "calibrate s --method neural": "there are baseline, cnn, model",
     "benchmark nothing": "there are paper",
     "fleet": "Choose from: fit",

@@ -113,6 +113,20 @@ def test_compare_of_an_axis_by_hand(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert {p["axis"] for p in found["parameters"]} == {"y"}
 
 
+def test_whole_runs_are_asked_for_by_all(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def asked(seconds: str) -> Any:
+        capsys.readouterr()
+        assert main(["calibrate", session, "--method", "baseline,model", "--seconds", seconds, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)["estimates"]
+
+    found = asked("2,all")
+    assert {round(e["seconds"], 3) for e in found} == {2.0, 6.0}
+    assert [e for e in found if e["seconds"] == 2.0] == asked("2")
+    assert {e["method"] for e in found if e["seconds"] > 2.0} == {"baseline", "model"}
+    assert main(["calibrate", session, "--seconds", "9"]) == 2
+    assert "the longest lasts 6 s, asked for are the first 9; ask for less, or for --seconds all" in capsys.readouterr().err
+
+
 def test_an_axis_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", session, "--method", "baseline", "--axis", "z", "--json"]) == 0
     assert {e["axis"] for e in json.loads(capsys.readouterr().out)["estimates"]} == {"z"}

@@ -38,7 +38,7 @@ from gyrocal.units import RateUnit, number_of, unit_of
 
 
 def show_calibration(
-    session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool,
+    session: Session, seconds: Sequence[float | None] | None, methods: Sequence[str] | None, model: str | None, as_json: bool,
     axis: str | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a session by gravity and print the result, as JSON if asked."""

@@ -315,12 +315,19 @@ def _runs_forward(t_s: Array) -> bool:
     return float(np.sum(steps < 0)) < BACK * float(np.sum(steps > 0))
 
 
+def _is_temperature(name: str, by_unit: bool = True) -> bool:
+    """True for a column that is named as a temperature, or whose unit is one of temperatures alone (°C, and not C)."""
+    bare, unit = bare_name(name)
+    named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:/scalar)?(?:[ _.-]?(?:c|deg_?c|celsius|k|f))?"
+    if bare in ("t", "time") or re.search(MAGNETIC, bare):
+        return False
+    stated = by_unit and len(unit) > 1 and any(re.fullmatch(words, unit) for words in UNIT_WORDS["temp_c"].values())
+    return stated or bool(re.fullmatch(named, bare))
+
+
 def _temperature(source: Source) -> Guess | None:
-    for name in source.frame.columns:
-        bare, _ = bare_name(name)
-        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:/scalar)?(?:[ _.-]?(?:c|deg_?c|celsius|k|f))?"
-        if bare in ("t", "time") or re.search(MAGNETIC, bare) or not re.fullmatch(named, bare):
-            continue
+    columns = filter(_is_temperature, source.frame.columns)
+    for name in sorted(columns, key=lambda name: not _is_temperature(name, by_unit=False)):
         values = values_of(source, name)
         if not values.size:
             continue
