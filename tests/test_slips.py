@@ -24,6 +24,7 @@ HINTS = {
     "plan s --minutes -5": "a positive number",
     "workbench s --http-port 80000": "less than or equal to 65535",
     # sessions
+    "compare .": ".: a folder of sessions (rest, s); name one of them, such as rest",
     "compare session": "as `gyrocal import`, `record` and `simulate` make",
     "compare log.csv": "`gyrocal import` makes one of a recording",
     "compare empty": "a session is a folder with session.toml",

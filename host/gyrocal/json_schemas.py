@@ -415,7 +415,7 @@ class Export(TypedDict):
     """``export``."""
 
     files: list[str]
-    left: NotRequired[list[Stays]]
+    left: list[Stays]
 
 
 class Verify(TypedDict):
@@ -577,7 +577,7 @@ ANSWERS: dict[str, tuple[Any, str]] = {
     "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
     "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
-    "export": (Export, "1.0"),
+    "export": (Export, "1.1"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.1"),
     "keep": (Keep, "1.1"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
