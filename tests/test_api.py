@@ -1,5 +1,6 @@
 """The Python interface: the README's lines, and what people expect of results in Python and in a notebook."""
 
+import builtins
 import sys
 from collections.abc import Callable
 from importlib.resources import files
@@ -13,6 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+import gyrocal.api
 from gyrocal.api import (
     InputError,
     Model,
@@ -223,6 +225,14 @@ WRONG: dict[str, Callable[[Path], Any]] = {
     "maps gz_dps=w:rpm: unit": lambda s: imported(s, "gz_dps=w:rpm"),
     "maps gz_dps=w:counts: the unit counts needs lsb_dps": lambda s: imported(s, "gz_dps=w:counts"),
 }
+
+
+def test_no_builtin_is_shadowed() -> None:
+    assert [name for name in gyrocal.api.__all__ if hasattr(builtins, name)] == []
+    for name in gyrocal.api.__all__:
+        assert getattr(gyrocal.api, name) is not None
+    with pytest.deprecated_call(match="now SessionWarning"):
+        assert gyrocal.api.Warning is gyrocal.api.SessionWarning  # type: ignore[attr-defined]
 
 
 def test_one_value_will_do_where_several_are_taken(session: Session) -> None:
