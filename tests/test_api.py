@@ -3,6 +3,7 @@
 import builtins
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,13 @@ def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Sess
         == results["Comparison"].pooled.rms_dps
     )
     assert results["Diagnosis"].to_dataframe()["effect"][0] == "table_ripple"
+    found = results["Diagnosis"]
+    assert found.to_dataframe()["decision"].to_list() == [c.decision for c in found.candidates]
+    group = tuple(c.effect.id for c in found.candidates[:2])
+    rivals = [replace(c, decision="add", group=group) for c in found.candidates[:2]]
+    open_ = replace(found, verdict="ambiguous", candidates=rivals).to_dataframe()
+    assert open_["decision"].to_list() == ["ambiguous"] * 2
+    assert open_["group"].to_list() == [list(group)] * 2
     assert results["Calibration"].to_dataframe()["scale"].to_list() == [e.scale for e in results["Calibration"]]
     assert results["Explanation"].to_dataframe()["effects"].to_list() == [["table_ripple"]]
     model = results["Model"]
