@@ -103,6 +103,21 @@ def test_compare_of_an_axis_alone(session: str, tmp_path: Path, capsys: pytest.C
     assert "--axis q: want x, y or z" in capsys.readouterr().err
 
 
+def test_diagnose_of_an_axis_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def asked(*words: str) -> Any:
+        capsys.readouterr()
+        assert main(["diagnose", session, "--json", *words]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    whole, x, z = asked(), asked("--axis", "x"), asked("--axis", "z")
+    assert (whole["verdict"], x["verdict"], z["verdict"]) == ("add", "adequate", "add")
+    for one, axis in ((x, "x"), (z, "z")):
+        assert one["candidates"] == [c for c in whole["candidates"] if c["axis"] == axis]
+        assert {a["axis"] for a in one["alternatives"]} <= {axis}
+    assert main(["diagnose", session, "--axis", "x"]) == 0
+    assert "Nothing found of" in capsys.readouterr().out
+
+
 def test_compare_of_an_axis_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "held", "--campaign", "hands", "--scenarios", "16"]) == 0
     capsys.readouterr()
@@ -111,6 +126,8 @@ def test_compare_of_an_axis_by_hand(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert list(found["per_axis"]) == ["y"]
     assert found["excess_deg"] == found["per_axis"]["y"]["excess_deg"]
     assert {p["axis"] for p in found["parameters"]} == {"y"}
+    assert main(["diagnose", "held", "--axis", "y", "--json"]) == 0
+    assert {c["axis"] for c in json.loads(capsys.readouterr().out)["candidates"]} == {"y"}
 
 
 def test_whole_runs_are_asked_for_by_all(session: str, capsys: pytest.CaptureFixture[str]) -> None:

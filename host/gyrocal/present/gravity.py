@@ -66,9 +66,13 @@ def show_compare(
     emit(found.to_json()) if as_json else print_comparison(found)
 
 
-def show_diagnose(session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool) -> None:
+def show_diagnose(
+    session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool, axis: str | None = None
+) -> None:
     """Diagnose a session by gravity and print the result, as JSON if asked."""
     found = diagnosis.diagnose(session, model, formulas)
+    if axis is not None:
+        found = found.on(axis)
     emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
 
 
