@@ -44,10 +44,7 @@ def run(
     from gyrocal.present.output import emit
     from gyrocal.recording.session import Session
 
-    try:
-        spans = None if seconds is None else [None if s.strip() == "all" else float(s) for s in seconds.split(",")]
-    except ValueError:
-        raise InputError(f"--seconds {seconds}: a number of seconds, several with commas, or all") from None
+    spans = _spans(seconds)
     want_axis(axis)
     methods = None if method is None else [m.strip() for m in method.split(",")]
     if out is not None and not history:
@@ -98,6 +95,16 @@ def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]", asked: 
     if most > 2:
         more = f"--method model takes all {most}, and --seconds all whole ones"
         stdout.print(f"These answers are of two recordings of a power cycle; {more}.")
+
+
+def _spans(seconds: str | None) -> list[float | None] | None:
+    """The seconds of ``--seconds``, None for ``all``. Raises InputError for other words."""
+    from gyrocal.errors import InputError
+
+    try:
+        return None if seconds is None else [None if s.strip() == "all" else float(s) for s in seconds.split(",")]
+    except ValueError:
+        raise InputError(f"--seconds {seconds}: a number of seconds, several with commas, or all") from None
 
 
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:
