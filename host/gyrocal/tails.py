@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+ROBUST = 1.4826
+"""Standard deviation of a normal variable over the median of its distance from its median."""
+
 
 def normal(z: Any) -> Any:
     """P(Z > z) of a standard normal variable."""

@@ -14,10 +14,8 @@ from gyrocal.diagnosis.naming.decision import meets
 from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.levels import Cleaned
-from gyrocal.effects.base import effect, elapsed_s, table_angle_rad
+from gyrocal.effects.base import effect, table_angle_rad
 from gyrocal.effects.order_tone import spectrum_over_turns
-from gyrocal.effects.wave import size_over_rate
-from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
@@ -108,26 +106,6 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
     for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
         named = {c.effect.id for c in diagnose(full(spec)).candidates if c.decision == "add" and c.axis == "z"}
         assert named == {effect_id}
-
-
-@pytest.mark.parametrize("seed", range(3, 8))
-def test_one_size_is_far_from_both_kinds_of_wave(seed: int) -> None:
-    """The figures beside ``Policy.one_size``: sums of squares of the sizes of each run, of order 2, by least squares."""
-
-    def ratio(spec: str) -> float:
-        turning = [r for r in full(spec, seed=seed).runs if np.any(r.rate_dps) and r.axis == "z"]
-        sizes = []
-        for run in turning:
-            angle = 2 * table_angle_rad(run)
-            known = np.column_stack([np.ones(len(run)), elapsed_s(run), np.cos(angle), np.sin(angle)])
-            fitted = np.linalg.lstsq(known, run.gyro_dps[:, 2] - run.rate_dps, rcond=None)[0]
-            sizes.append(float(np.hypot(fitted[2], fitted[3])))
-        found = size_over_rate(turning, np.array(sizes))
-        assert found is not None
-        return found
-
-    assert ratio("order_tone:order=2,A_dps=0.05") < 0.02 < POLICY.one_size
-    assert ratio("table_ripple:amplitude_1=0,amplitude_2=0.002") > 50 > 1 / POLICY.one_size
 
 
 @pytest.mark.parametrize("seed", [3, 5])

@@ -65,9 +65,9 @@ def test_a_suggestion_is_named_only_where_the_model_is_known_to_fail() -> None:
     assert decisions(suggested, failing="x") == {"scale_nonlinearity": ("suggest", ())}
     assert decisions(replace(suggested, contradicted=True)) == {"scale_nonlinearity": ("suggest", ())}
     assert decisions(replace(suggested, gain=None)) == {"scale_nonlinearity": ("suggest", ())}
-    hardly = replace(suggested, gain=1.4, gain_se=1.0)
+    hardly = replace(suggested, gain=10.9, gain_se=1.0)
     assert decisions(hardly) == {"scale_nonlinearity": ("suggest", ())}
-    assert decisions(replace(hardly, gain=1.6)) == {"scale_nonlinearity": ("add", ())}
+    assert decisions(replace(hardly, gain=11.1)) == {"scale_nonlinearity": ("add", ())}
 
 
 @pytest.mark.parametrize("decision", ["suggest", "reject"])
@@ -106,6 +106,6 @@ def test_a_sure_name_stands_before_rivals_that_cannot_be_told_apart() -> None:
 
 
 def test_names_stand_before_suggestions() -> None:
-    known = candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=6.0)
+    known = candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=12.0)
     order = decided(known, {"z"}, gaining)
     assert [c.effect.id for c in order] == ["warmup", "drift"]

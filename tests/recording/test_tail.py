@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gyrocal import tails
 from gyrocal.recording import tail
 from gyrocal.recording.outliers import between
 from gyrocal.recording.tail import chance_of
@@ -25,7 +26,7 @@ def test_deviations_from_neighbours_are_distributed_as_computed(freedom: float) 
     y = np.random.default_rng(1).standard_t(freedom, 200_000)
     size = np.abs(y - between(y))
     cdf = tail._of_deviations()[0][:, list(tail.FREEDOMS).index(freedom)]
-    found = np.searchsorted(np.sort(size / (tail.ROBUST * np.median(size))), tail.EDGES) / size.size
+    found = np.searchsorted(np.sort(size / (tails.ROBUST * np.median(size))), tail.EDGES) / size.size
     assert np.abs(found - cdf).max() < 0.003
 
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Mask, Parameter, Values, stack
-from gyrocal.effects.quantities import rate_about, white_sd_dps
+from gyrocal.effects.quantities import rate_about
+from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index, outliers

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.earth_rate import may_be_in_plane
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
-from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
+from gyrocal.effects.wave import ONE_RATE, TableWave, Tone
 from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
 from gyrocal.noise.spectrum import LOWEST_HZ
 from gyrocal.parameter import POSITIVE
@@ -207,6 +207,7 @@ class OrderTone(Tone):
         Parameter("phase_deg", "deg", (-180.0, 180.0), "the table's angle at the start", sized=False),
     )  # fmt: skip
     nonlinear = ("order",)
+    rate_power = 0.0
     on_device = True
     law = Law({"order": 5.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(5*theta)")
     cases = (Case({"order": 5.0, "A_dps": 0.05}, ("order",), "full"), Case({"order": 2.5, "A_dps": 0.05}, ("order",), "full"))
@@ -259,10 +260,6 @@ class OrderTone(Tone):
         if not turning or len(turning) == 1 or told_from_frequency(runs, FEW_TURNS):
             return True
         return abs(values["order"] - round(values["order"])) * _swept_turns(runs) < NOT_WHOLE
-
-    def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
-        turning = np.array([_turns(r) for r in runs])
-        return super().holds(runs, sizes[turning]) and (size_over_rate(runs, sizes) or 0.0) < 1.0 / POLICY.one_size
 
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
         """A ripple leaves a small tone of its own order where a table of known angle reverses, because readings are late.

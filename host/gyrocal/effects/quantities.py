@@ -265,22 +265,6 @@ def _filled(values: Array, t_s: Array) -> Array:
     return values if known.all() else np.interp(t_s, t_s[known], values[known])
 
 
-def white_sd_dps(runs: Sequence[Run], axis: int) -> float:
-    """Standard deviation of one sample's noise, from the median successive difference of measured minus true rate, deg/s.
-
-    It is at least the noise of rounding. What the scale leaves of a motion changes slowly from sample to sample.
-    """
-    steps = np.concatenate([np.abs(np.diff(r.gyro_dps[:, axis] - _followed(r, axis))) for r in runs])
-    rounding = max(float(r.step_dps[axis]) for r in runs) / 12**0.5
-    return max(float(np.median(steps)) / (0.6745 * 2**0.5), rounding) or 1e-9
-
-
-def _followed(run: Run, axis: int) -> Array | float:
-    """The part of the readings that follows the true rate: an axis's own slope of the readings on the rate, times the rate."""
-    rate_dps = run.rate_dps - run.rate_dps.mean()
-    return rate_dps * float(rate_dps @ run.gyro_dps[:, axis]) / (float(rate_dps @ rate_dps) or 1.0)
-
-
 def grid_dps(readings: Sequence[Array]) -> float:
     """The step of which all readings [n] are whole multiples: the smallest gap between occurring values, deg/s."""
     values = np.unique(np.round(np.concatenate(readings), 7))

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Parameter
-from gyrocal.effects.quantities import white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.noise.sample import white_sd_dps
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
-from gyrocal.effects.quantities import grid_dps, white_sd_dps
+from gyrocal.effects.quantities import grid_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run

@@ -14,6 +14,7 @@ from gyrocal import tails
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
 from gyrocal.effects.quantization import coarse_step_dps
+from gyrocal.noise.sample import white_sd_dps
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
@@ -58,9 +59,7 @@ def noise_of(runs: Sequence[Run], axis: int) -> float:
 
     It is at least the noise of rounding to coarse steps.
     """
-    moved = [np.diff(r.gyro_dps[:, axis] - rate_about(r, axis)) for r in runs]
-    noise_dps = float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2))
-    return max(noise_dps, coarse_step_dps(runs, axis) / 12**0.5) or 1e-9
+    return max(white_sd_dps(runs, axis), coarse_step_dps(runs, axis) / 12**0.5)
 
 
 def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:

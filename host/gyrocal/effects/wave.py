@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Values, stack, table_angle_rad
 from gyrocal.effects.mistaken import same_in_each_run
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL, unit_wave
-from gyrocal.policy import POLICY
 
 ONE_RATE = 0.2
 """Runs whose rates differ by less than this fraction of the largest rate do not show how a size depends on the rate."""
@@ -27,17 +26,10 @@ class Wave(OfEachRun):
     """
 
     phases: ClassVar[tuple[str, ...]]
-    same_size: ClassVar[bool] = False
-    """True if the amplitude is the same in all runs although the phase differs from run to run."""
+    rate_power: ClassVar[float | None] = None
+    """Power of the rate with which the size in deg/s grows, 0 or 1; None if it may be another one in each run."""
     wanders: ClassVar[bool] = False
     """True if the frequency of its source may wander. A wave over the table's angle has no such freedom."""
-
-    def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
-        """False if the sizes [runs] that were fitted to each run apart contradict what the wave says about its size.
-
-        ``sizes`` are root mean squares over the run, deg/s. A wave with ``same_size`` must be in most of the runs.
-        """
-        return not self.same_size or float(np.median(sizes**2)) >= POLICY.even**2 * float(np.mean(sizes**2))
 
     @abstractmethod
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
@@ -88,7 +80,6 @@ class Tone(Wave):
     linear = ("A_dps",)
     phases = ("phase_deg",)
     fast = True
-    same_size = True
 
     @abstractmethod
     def periods(self, run: Run, values: Mapping[str, float]) -> Array:
@@ -118,6 +109,7 @@ class TableWave(Wave):
     """
 
     uncorrected = "it belongs to the turntable and not to the sensor"
+    rate_power = 1.0
     orders: ClassVar[tuple[int, ...]]
     needs: ClassVar[str] = TURNING_AT_ALL
     """The requirement on a recording in which the wave can occur, in words."""
@@ -142,10 +134,6 @@ class TableWave(Wave):
     def shape(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
         return (float(self._order(name)),)
 
-    def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
-        """False if runs at several rates show one size of the wave (deg/s), although its size depends on the rate."""
-        return (size_over_rate(runs, sizes) or np.inf) > POLICY.one_size
-
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         turned = unit_wave(table_angle_rad(run))
         wave = self.size(run, axis) * np.ones(len(run), dtype=complex)
@@ -155,20 +143,3 @@ class TableWave(Wave):
 
     def _order(self, name: str) -> int:
         return self.orders[self.linear.index(name)]
-
-
-def size_over_rate(runs: Sequence[Run], sizes: Array) -> float | None:
-    """How much better one size describes the sizes [runs] than a size in proportion to the rate: a ratio of sums of squares.
-
-    Below 1, one size is better. None if the table turns at one rate only, or if a run is known by its angle alone.
-    """
-    if any(r.rate_is_mean for r in runs):
-        return None
-    rates_dps = np.array([np.sqrt(np.mean(r.rate_dps**2)) for r in runs])
-    turning = rates_dps > 0
-    rates_dps, sizes = rates_dps[turning], sizes[turning]
-    if rates_dps.size < 2 or np.ptp(rates_dps) < ONE_RATE * rates_dps.max():
-        return None
-    constant = float(np.sum((sizes - sizes.mean()) ** 2))
-    along = rates_dps * float(rates_dps @ sizes) / float(rates_dps @ rates_dps)
-    return constant / max(float(np.sum((sizes - along) ** 2)), 1e-300)

@@ -16,11 +16,11 @@ from gyrocal.evidence.checked import Checks
 from gyrocal.policy import POLICY
 
 KNOTS = (
-    (-4.4348, 0.005), (-3.2276, 0.009), (-1.7649, 0.065), (-0.4884, 0.225), (0.6326, 0.36), (1.7383, 0.533), (3.4669, 0.829),
-    (14.1865, 0.899),
+    (-4.4093, 0.006), (-3.2252, 0.009), (-1.7499, 0.051), (-0.4707, 0.204), (0.5611, 0.387), (1.8035, 0.658), (3.4884, 0.854),
+    (7.042, 0.905), (17.8577, 0.907),
 )  # fmt: skip
-FAILED = 0.344
-NAMED = 0.893
+FAILED = 0.316
+NAMED = 0.916
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.tails import ROBUST
 
 ROUNDS = 20
 NO_ERROR = 1e-6
@@ -69,7 +70,7 @@ def pool(values: Array, se: Array, board: Labels | None = None, rig: Labels | No
     if values.size < POLICY.population_boards or board.max() + 1 < POLICY.population_boards:
         return None
     middle = float(np.median(values))
-    unit = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values)) or float(np.median(se)) or 1.0
+    unit = ROBUST * float(np.median(np.abs(values - middle))) or float(np.std(values)) or float(np.median(se)) or 1.0
     y, error = (values - middle) / unit, np.maximum(se / unit, NO_ERROR)
     limit = furthest(int(board.max()) + 1)
     used = np.abs(y - _medians(y, rig)) <= limit * np.sqrt(1.0 + error**2)

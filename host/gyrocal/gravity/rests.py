@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run, Session
+from gyrocal.tails import ROBUST
 from gyrocal.units import number_of
 from gyrocal.warning import Warning
 
@@ -183,7 +184,7 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
             continue
         means = np.array([rests[i].gyro_dps for i in mine])
         apart = np.abs(means - np.median(means, axis=0))
-        limit = np.maximum(POLICY.rest_rate_dps, POLICY.rest_rate_spreads * 1.4826 * np.median(apart, axis=0))
+        limit = np.maximum(POLICY.rest_rate_dps, POLICY.rest_rate_spreads * ROBUST * np.median(apart, axis=0))
         for i, off in zip(mine, apart, strict=True):
             if np.any(off > limit):
                 out[i] = f"the mean rate is {off.max():.1f} dps off that of the other rests"

@@ -11,6 +11,7 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.tails import ROBUST
 from gyrocal.warning import Warning
 
 CLUSTERS = 16
@@ -201,7 +202,7 @@ def _shifted(y: Array, rate: Array, lag: int) -> tuple[Array, Array]:
 
 def spread(values: Array) -> float:
     """Standard deviation of the bulk of values [n], from the median of their distances to the median."""
-    return 1.4826 * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
+    return ROBUST * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
 
 
 def told(

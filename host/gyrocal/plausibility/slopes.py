@@ -18,6 +18,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import ANGLE, QUATERNION, RATES
 from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.tails import ROBUST
 from gyrocal.warning import Warning
 
 DEG = 180.0 / np.pi
@@ -75,7 +76,7 @@ def _line(points: list[Mean]) -> Line:
     scatter = 0.0
     if bias is not None and steady:
         signed = values - bias - slope * rates
-        scatter = float(np.median(np.abs(signed))) * 1.4826
+        scatter = float(np.median(np.abs(signed))) * ROBUST
     if len({m.run.scenario for m in steady}) < POLICY.few_runs:
         scatter = max(scatter, POLICY.turn_on_dps * min(1.0, abs(slope)))
     unknown = POLICY.unknown_bias_dps if bias is None else 0.0
@@ -183,7 +184,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     values = np.array([s.value for s in sure])
     middle = middle_of(values)
     beyond = abs(values - middle) / [max(s.se, 1e-12) for s in sure]
-    errors = POLICY.rate_errors * (max(1.0, 1.4826 * float(np.median(beyond))) if values.size >= POLICY.few_runs else 1.0)
+    errors = POLICY.rate_errors * (max(1.0, ROBUST * float(np.median(beyond))) if values.size >= POLICY.few_runs else 1.0)
     off = [s for s in sure if abs(s.value - middle) > max(POLICY.rate_off * abs(middle), errors * s.se)]
     scaled = abs(middle - 1) > POLICY.largest_scale and line.bias_dps is not None
     turned = _one_face(means.about(axis)) if scaled else None

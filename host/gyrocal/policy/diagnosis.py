@@ -208,11 +208,12 @@ class Diagnosis:
         larger="effects that improve only some runs are not named",
         smaller="an effect is named though half of the runs are predicted worse",
     )  # fmt: skip
-    evident_gain_errors: float = threshold(
-        1.5, "standard errors by which the held-out gain must exceed zero for a name that the evidence of sets gives",
+    evident_gain: float = threshold(
+        11.0, "held-out log-likelihood that a name which the evidence alone gives must gain",
         larger="an effect that hides behind another is not named",
-        smaller="what resembles a disturbance is named though it predicts no better: of such names with a gain of less than "
-        "one error three of three were wrong, with 1.6 to 2 errors none of five (gyrocal benchmark edge --part frozen)",
+        smaller="what resembles a disturbance is named though it hardly predicts: of such names with less than 11, six of six "
+        "were wrong, with more two of nineteen",
+        chosen_by="gyrocal benchmark edge --part frozen, five states of the code (docs/evidence.md)",
     )  # fmt: skip
     shown_by_codes: float = threshold(
         1e-8, "probability of the codes of sound readings below which they show a fault although no gain confirms it",
@@ -254,7 +255,7 @@ class Diagnosis:
         larger="transients with a small common part are not named", smaller="differences between runs count as an effect",
     )  # fmt: skip
     even: float = threshold(
-        0.5, "smallest ratio of median to root mean square over the runs' sizes of a wave that has one size in all runs",
+        0.5, "smallest ratio of median to root mean square over the runs' sizes of a tone",
         larger="noise makes a steady tone look uneven; with noise alone the ratio is 0.83",
         smaller="a tone in half of the runs is named",
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
@@ -298,13 +299,13 @@ class Diagnosis:
         smaller="a vibration that the reference follows in part is not named",
         chosen_by="pytest tests/diagnosis/test_tone_of_reference.py",
     )  # fmt: skip
-    one_size: float = threshold(
-        0.25, "ratio of the sums of squares of a wave's sizes about one size and about a size in proportion to the rate, "
-        "below which (or above the inverse of which) the other kind of wave is not named",
-        larger="a wave in few runs is named neither a tone of its order nor a ripple",
-        smaller="a tone of one size is named a ripple of the speed, or the reverse",
-        chosen_by="pytest tests/diagnosis/test_orders.py (at the rates of campaign full, the ratio of a wave of 0.05 dps is "
-        "below 0.02 or above 50)",
+    size_within: float = threshold(
+        0.1, "standard deviation of the sizes of a wave of the table about their law, relative to the strongest one: no law is "
+        "exact, and what leaks from one order into another has no one size",
+        larger="over less than two turns, disturbances of nearly one size in the runs are named a wave of the table",
+        smaller="a true wave whose size differs a little from run to run is not named",
+        chosen_by="the waves that five frozen parts of gyrocal benchmark edge named: 20 of 20 true ones have even odds or "
+        "better (docs/evidence.md)",
     )  # fmt: skip
 
     # Diagnosis: rivals

@@ -12,6 +12,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.orientation import count_deg, jumps
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, steadier_slope
 from gyrocal.recording.timing import best_width, noise_sd, smooth_by
+from gyrocal.tails import ROBUST
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -35,8 +36,6 @@ RISES = 4.0
 """Below that octave, the level of a tracker's noise rises by up to this factor. The motion then rises by more."""
 OF_MOTION = 0.1
 """Noise is below this part of the motion. A motion whose spectrum is flat up to some frequency exceeds it."""
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a standard normal variable."""
 NEIGHBOURS = 24
 """Samples over which the noise of angles is compared."""
 LEAST_HELD, HELD_ALIKE = 20, 0.8
@@ -121,7 +120,7 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     if not sds:
         return AngleSlopes(rates, int(jumped.sum()), left_deg, None)
     inside = np.isfinite(rates).all(axis=1)
-    level = np.median(np.abs(rates[inside] - steady[inside]), axis=0) / MEDIAN_OF_NORMAL
+    level = np.median(np.abs(rates[inside] - steady[inside]), axis=0) * ROBUST
     return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, NoiseLevel(float(level.max()), STEADIER_SE)))
 
 

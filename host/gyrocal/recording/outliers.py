@@ -12,12 +12,11 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.tails import ROBUST
 
 NEIGHBOURS = 7
 """Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
 STANDS_OUT = POLICY.outlier_spreads
-ROBUST = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 

@@ -199,6 +199,12 @@ class Run:
             raise InputError(f"{self.file}: {BY_GRAVITY}")
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
 
+    def beside_rate_dps(self, axis: int) -> Array:
+        """The readings of an axis, shape [n], less what follows the true rate: their own slope on it times the rate."""
+        rate_dps = self.rate_dps - self.rate_dps.mean()
+        readings = self.gyro_dps[:, axis]
+        return readings - rate_dps * float(rate_dps @ readings) / (float(rate_dps @ rate_dps) or 1.0)
+
     @cached_property
     def measured_rates(self) -> MeasuredRates | None:
         """The reference in its own frame and by its own clock; None if the rate is not measured but known."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import NEIGHBOURS, ROBUST, STANDS_OUT, between, outliers, spread_of
+from gyrocal.recording.outliers import NEIGHBOURS, STANDS_OUT, between, outliers, spread_of
 from gyrocal.recording.session import Array
 from gyrocal.recording.smoothing import convolved
 
@@ -86,7 +86,7 @@ def _of_deviations() -> tuple[Array, Array]:
         density = convolved(np.pad(one, GRID), median)[GRID:]
         within = (2 * np.cumsum(density) - density - density[0]) * step
         within *= (1 - 2 * tails.student(x[-1], freedom)) / within[-1]
-        unit = 1 / (ROBUST * float(np.interp(0.5, within, x[GRID:])))
+        unit = 1 / (tails.ROBUST * float(np.interp(0.5, within, x[GRID:])))
         cdfs.append(np.interp(EDGES / unit, x[GRID:], within))
         units.append(unit)
     return np.array(cdfs).T, np.array(units)

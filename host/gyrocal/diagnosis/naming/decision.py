@@ -104,20 +104,16 @@ def proven(c: Candidate, tested: int) -> bool:
 
 def sure_gain(c: Candidate) -> bool:
     """True if the held-out gain exceeds zero by ``Policy.gain_errors`` standard errors."""
-    return _gains_by(c, POLICY.gain_errors)
+    return c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
 
 
 def evident_gain(c: Candidate) -> bool:
-    """True if the held-out gain exceeds zero by ``Policy.evident_gain_errors`` standard errors."""
-    return _gains_by(c, POLICY.evident_gain_errors)
-
-
-def _gains_by(c: Candidate, errors: float) -> bool:
-    return c.gain is not None and c.gain_se is not None and c.gain > errors * c.gain_se
+    """True if the held-out gain is large enough for a name that the evidence alone gives."""
+    return c.gain is not None and c.gain >= POLICY.evident_gain
 
 
 def in_range(candidate: Candidate) -> bool:
-    """True if every linear parameter is at most ``Policy.range_factor`` times its typical size.
+    """True if every linear parameter is at most ``Policy.range_factor`` times its typical size, within its standard error.
 
     A fault of the reading has no linear parameter and always passes.
     """
@@ -128,7 +124,7 @@ def in_range(candidate: Candidate) -> bool:
         if (
             value is not None
             and parameter.sized
-            and abs(value) > POLICY.range_factor * parameter.typical[1]
+            and abs(value) - candidate.se.get(parameter.name, 0.0) > POLICY.range_factor * parameter.typical[1]
         ):
             return False
     return True

@@ -12,13 +12,14 @@ from gyrocal.diagnosis.naming.explained import Explained, explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.mistaken import must_be_sure
-from gyrocal.effects.order_tone import OrderTone
+from gyrocal.effects.order_tone import OrderTone, turned_turn
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
-from gyrocal.effects.wave import Wave
+from gyrocal.effects.wave import Tone, Wave
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.identified import UNIDENTIFIED
@@ -30,6 +31,7 @@ from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.inference.turns import reweighed
+from gyrocal.noise.orders import LEAST_TURNS
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.shapes import Columns
@@ -124,7 +126,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a wave changes its phase within the runs, is the reference's, or has sizes that contradict those by the rate."""
+    """True if a wave changes its phase within the runs, is the reference's, or has other sizes than its law says."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
     if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
@@ -140,8 +142,16 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
     ]
     if of_the_reference(fitted, parts):
         return True
-    sizes_dps = np.array([np.sqrt(np.mean(part**2)) if part.size else 0.0 for part in parts])
-    return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
+    runs = [b.run for b in fitted.design.blocks]
+    turning = [not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs]
+    shown = turning if wave.rate_power is not None else [True] * len(runs)
+    squares = np.array([np.mean(part**2) if part.size else 0.0 for part, s in zip(parts, shown, strict=True) if s])
+    if isinstance(wave, Tone) and float(np.median(squares)) < POLICY.even**2 * float(np.mean(squares)):
+        return True
+    if wave.rate_power is None:
+        return False
+    turns = max((float(np.ptp(turned_turn(run))) for run, t in zip(runs, turning, strict=True) if t), default=0.0)
+    return WaveSizes.of(fitted, own, wave.rate_power).log_odds(wave.rate_power, exact=turns < LEAST_TURNS) < 0
 
 
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:

@@ -13,10 +13,12 @@ from gyrocal.effects.quantization import coarse_step_dps, is_whole
 from gyrocal.effects.single_bits import count_dps_of, single_power
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.noise.sample import sample_sd_dps
 from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
-from gyrocal.recording.tail import ROBUST, chance_of
+from gyrocal.recording.tail import chance_of
+from gyrocal.tails import ROBUST
 from gyrocal.variables.reading import Reading
 
 BITS = 16
@@ -120,7 +122,7 @@ def single_readings(session: Session, axis: str, alarm: float) -> Finding | None
         return None
     readings = [residual_dps(r)[:, i] for r in steady]
     apart = np.concatenate([outliers_of(r, i, y)[1] for y, r in zip(readings, steady, strict=True)])
-    white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
+    white = sample_sd_dps(readings)
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < POLICY.outlier_power * white**2 * samples:
         return None
