@@ -206,7 +206,7 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
     if asked and min(asked) > longest_s:
         return (
             f"the runs are too short: the longest lasts {longest_s:.4g} s, asked for are the first {min(asked):g}; "
-            "ask for less, or for --seconds all"
+            "record longer runs, ask for less, or for --seconds all"
         )
     if set(methods) == {"cnn"}:
         if any(consecutive(run) < len(run) for run in session.runs):
