@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gyrocal import benchmark
 from gyrocal.cli import main
@@ -118,3 +119,41 @@ def test_the_examples_answer(file: Path, tmp_path: Path, any_tool: Any, require_
     assert main(["simulate", str(tmp_path / "s"), "--campaign", "full", "--seconds", "6", "--seed", "2"]) == 0
     told = any_tool.loaded(file)(tmp_path / "s")
     assert told.error is None
+
+
+def test_scale_and_bias_are_held_against_a_strangers_reference(
+    any_tool: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recording as EuRoC writes it, with an orientation beside it, and one that is absent."""
+    truth = importlib.import_module("benchmarks.strangers_truth")
+    folder = tmp_path / "who" / "what" / "rec" / "mav0"
+    for name in ("imu0", "gt0"):
+        (folder / name).mkdir(parents=True)
+    t_s = np.arange(6000) / 100
+    rates = 60 * np.column_stack([np.sin(0.7 * t_s), np.sin(0.9 * t_s + 1), np.sin(1.1 * t_s + 2)])
+    turned = Rotation.identity()
+    quaternions = []
+    for rate in rates:
+        quaternions.append(np.roll(turned.as_quat(), 1))
+        turned = turned * Rotation.from_rotvec(np.radians(rate) / 100)
+    stamps = (1_400_000_000_000_000_000 + np.round(t_s * 1e9)).astype(np.int64)
+    noise = np.random.default_rng(4).normal(0.0, 0.05, rates.shape)
+    scale, bias_dps = np.array([1.02, 0.99, 1.01]), [0.3, -0.4, 0.2]
+    readings = rates * scale + bias_dps + noise
+    imu = [f"{s},{','.join(f'{v:.9f}' for v in np.radians(row))},0,0,9.81" for s, row in zip(stamps, readings, strict=True)]
+    head = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1]"
+    accelerations = ",".join(f"a_RS_S_{a} [m s^-2]" for a in "xyz")
+    (folder / "imu0" / "data.csv").write_text("\n".join([f"{head},{accelerations}", *imu, ""]))
+    seen = [f"{s},0,0,0,{','.join(f'{v:.9f}' for v in q)}" for s, q in zip(stamps, quaternions, strict=True)]
+    named = "#timestamp,p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
+    (folder / "gt0" / "data.csv").write_text("\n".join([named, *seen, ""]))
+    monkeypatch.setattr(truth, "STRANGERS", tmp_path)
+    made = truth.Recording(
+        "made", {"name": "who/what"}, "rec/mav0/imu0/data.csv", (1e-9, np.degrees(1)), at=(0, 1, 2, 3), skip=1, acc=(4, 5, 6),
+        reference="rec/mav0/gt0/data.csv",
+    )  # fmt: skip
+    gone = truth.Recording("made", {"name": "who/what"}, "rec/mav0/none/data.csv", reference="rec/mav0/gt0/data.csv")
+    monkeypatch.setattr(truth, "recordings", lambda: [made, gone])
+    found = graded(capsys, "strangers", "--tool", str(TOOLS / "gyrocal_explain.py"))
+    assert (found["cases"], found["failed"], found["absent"]) == (1, [], [gone.name])
+    assert (found["true"], found["of"]) == (6, 6)
