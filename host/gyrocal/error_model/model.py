@@ -215,11 +215,11 @@ class Model(Shown):
         kept = tuple(t for t in self.terms if not (t.effect_id == effect_id and axis in (None, t.axis)))
         return replace(self, terms=kept)
 
-    def correct(self, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
+    def correct(self, frame: Any, bias_dps: Mapping[str, float] | None = None, power_on_s: float | None = None) -> Any:
         """Remove the model's effects from a table of readings; see :func:`gyrocal.error_model.correction.correct_frame`."""
         from gyrocal.error_model.correction import correct_frame
 
-        return correct_frame(self, frame, bias_dps)
+        return correct_frame(self, frame, bias_dps, power_on_s)
 
     def corrector(self, bias_dps: Mapping[str, float] | None = None) -> Corrector:
         """What corrects single samples, or arrays of them, as they come; see :class:`gyrocal.error_model.corrector.Corrector`.
