@@ -5,7 +5,7 @@ itself comes before one of several that cannot be told apart, because they often
 whose signals overlap with its signal, including those that an earlier step added, are compared as sets
 (:mod:`gyrocal.diagnosis.naming.sets`). What every equally good set contains is added. What only some of them contain stays
 open, with the measurement that decides. A step is taken back if it decreases neither the held-out excess of all axes nor the
-held-out error of one of its own, unless tests and evidence are sure of its effect: the likelihood of held-out data, on which a
+held-out error of one of its own, unless the diagnosis is sure of its effect: the likelihood of held-out data, on which a
 name rests, knows what is noise, and sees effects that their squares do not.
 """
 
@@ -264,14 +264,18 @@ def _taken(
     following = diagnose(session, richer, progress=progress)
     before, after = with_floor_of(last.comparison, following.comparison), following.comparison
     falls = [within for within in (False, True) if _falls(before, after, within)]
-    of_lead = plan.lead.named and plan.lead.sure and plan.lead.effect in plan.new
-    if not falls and (of_lead or any(_removed_power(before, after, axis) > 0 for axis in axes)):
+    if not falls and (_is_sure(plan) or any(_removed_power(before, after, axis) > 0 for axis in axes)):
         falls = [False]  # so small that it drowns in the noise of the other axes, or below what the held-out likelihood shows
     if not falls:
         refused.add(key)
         return None
     step = Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after, within=falls[0], found=last)
     return step, following
+
+
+def _is_sure(plan: _Plan) -> bool:
+    """True if the diagnosis is sure of the leading effect, and the plan adds it."""
+    return plan.lead.named and plan.lead.effect in plan.new
 
 
 def _without_needless(

@@ -28,6 +28,8 @@ KNEES_HZ = (np.inf, 20.0, 10.0, 7.0, 5.0)
 """Knees of the sensor's low-pass, of second order, that lie beyond the examined frequencies."""
 LOW_KNEES_HZ, ORDERS = (5.0, 4.0, 3.0), (1, 2, 4)
 """Knees and orders of a low-pass (Butterworth) within them."""
+ALIASES = 2
+"""Images of a frequency above the block rate that block means of slow samples fold onto it, on either side."""
 STEPS = 300
 """Multiplicative steps of a fit."""
 
@@ -53,11 +55,15 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     scatter = None if cells is None else _scatter(fit, cells)
     if cells is None or scatter is None or scatter <= POLICY.white_beyond:
         return None
-    f = cells.frequency_hz
+    f, block_s = cells.frequency_hz, fit.design.extent_s[1]
     filters = [(knee_hz, 2) for knee_hz in KNEES_HZ]
     if scatter < POLICY.white_within:
         filters += [(knee_hz, order) for knee_hz in LOW_KNEES_HZ for order in ORDERS]
-    low_passes = [1 / (1 + (f / knee_hz) ** (2 * order)) for knee_hz, order in filters]
+    in_block = round(float(np.median(np.concatenate([b.n for b in fit.design.blocks]))))
+    low_passes = [of_block_means(f, *one, block_s, in_block) for one in filters]
+    low_passes += [
+        of_block_means(f, *one, block_s, in_block, digital=True) for one in filters if one[0] < 0.5 * in_block / block_s
+    ]  # fmt: skip
     noises = np.stack([np.ones_like(f), f[0] / f, (f[0] / f) ** 2]) * np.array(low_passes)[:, None]
     without, _ = _fitted(noises, cells)
     noise = noises[int(np.argmax(without))]
@@ -79,6 +85,26 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         axis, Frequency.name, float(tails.normal_z(max(chance, np.finfo(np.float64).tiny))), chance, amplitude_dps, note,
         band_hz=band_hz,
     )  # fmt: skip
+
+
+def of_block_means(
+    frequency_hz: Array, knee_hz: float, order: int, block_s: float, samples: int, *, digital: bool = False
+) -> Array:  # fmt: skip
+    """The density [f] of block means of ``samples`` samples of white noise behind a Butterworth filter.
+
+    The part's filter is analogue, or runs far faster than the samples are read. A ``digital`` one is applied to the samples,
+    and falls to zero at half their rate. Means over few samples weaken what is fast, and fold it onto what is slow.
+    """
+    rate_hz = samples / block_s
+    density = np.zeros_like(frequency_hz)
+    for image in range(-ALIASES, ALIASES + 1) if samples > 1 else (0,):
+        f = np.abs(frequency_hz + image / block_s)
+        inside = f < rate_hz / 2
+        at = np.pi * np.minimum(f, 0.499 * rate_hz) / rate_hz
+        ratio = np.tan(at) / np.tan(np.pi * knee_hz / rate_hz) if digital else f / knee_hz
+        mean = np.sin(samples * at) / (samples * np.sin(at))
+        density += np.where(inside, mean**2 / (1 + ratio ** (2 * order)), 0.0)
+    return density
 
 
 def _pooled(fit: AxisFit) -> _Cells | None:
