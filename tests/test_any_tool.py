@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from answers import check
 from gyrocal import benchmark
 from gyrocal.cli import main
 
@@ -23,7 +24,9 @@ def any_tool() -> Any:
 def graded(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
     capsys.readouterr()
     assert main(["benchmark", *words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)
+    check("benchmark", found)
+    return found
 
 
 def tool(folder: Path, text: str) -> str:

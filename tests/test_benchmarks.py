@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from answers import check
 from gyrocal import benchmark
 from gyrocal.errors import InputError
 
@@ -29,6 +30,7 @@ def paper() -> Iterator[dict[str, Any]]:
 
 
 def test_paper_has_the_pinned_keys(paper: dict[str, Any]) -> None:
+    check("benchmark", paper)
     assert paper["scenarios"] == 13
     assert [(r["seconds"], r["method"]) for r in paper["table2"]] == [(s, m) for s in (2.0, 4.0, 6.0) for m in METHODS]
     assert {"scale_mae", "bias_mae_dps", "scale_over_limit", "bias_over_limit"} <= set(paper["table2"][0])
@@ -81,6 +83,7 @@ def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monke
     module = benchmark._module("inference")
     monkeypatch.setattr(module, "GENERATOR", "a-generator-that-is-not-there")
     found = benchmark.benchmark("inference", quiet=True)
+    check("benchmark", found)
     assert found["peers"] == []
     assert found["absent"] == ["a-generator-that-is-not-there"]
     assert found["best_peer_ratio"] == {"instructions": None, "ram": None, "flash": None}
@@ -123,6 +126,7 @@ def test_the_truth_of_a_recording_by_hand_is_of_its_rests_and_in_the_acceleromet
 def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(benchmark._module("real"), "REALDATA", tmp_path)
     found = benchmark.benchmark("real", quiet=True)
+    check("benchmark", found)
     assert (found["of"], set(found["absent"])) == (0, set(benchmark._module("real").RECORDINGS))
 
 
@@ -130,6 +134,7 @@ def test_soak_accounts_for_every_sample_and_trusts_nothing_wrong(require_tool: C
     """Seeds without `garbled`, whose damage depends on timing. A sample is kept, counted as lost, or behind an unheard end."""
     require_tool("cc")
     found = benchmark.benchmark("soak", quiet=True, hours=0.1, seed=25)
+    check("benchmark", found)
     assert found["device_hours"] >= 0.1
     assert (found["unaccounted"], found["wrong"]) == ([], [])
     behind = sum(one["samples"] for one in found["unheard"])
@@ -150,6 +155,7 @@ def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], mo
 
     monkeypatch.setattr(module, "_play", forgetful)
     found = benchmark.benchmark("soak", quiet=True, hours=0.01, seed=3)
+    check("benchmark", found)
     assert [one["samples"] for one in found["unaccounted"]] == [1]
 
 
@@ -163,6 +169,7 @@ def test_field_counts_names_alarms_and_errors_and_resumes(tmp_path: Path) -> Non
     results = tmp_path / "field.jsonl"
     part = {"kinds": ["ten_hz", "chamber_wide"], "limit": 1, "results": results, "seed": 403}
     found = benchmark.benchmark("field", quiet=True, **part)
+    check("benchmark", found)
     null, planted = found["rows"]
     assert (null["kind"], null["sessions"]) == ("ten_hz", 1)
     assert (null["false_names"], null["alarms"], null["contradictions"]) == (0, 0, 0)
@@ -181,6 +188,7 @@ def test_references_count_errors_and_names_and_resume(tmp_path: Path) -> None:
     results = tmp_path / "references.jsonl"
     part = {"kinds": ["second_file", "encoder_effect"], "limit": 1, "results": results, "seed": 3}
     found = benchmark.benchmark("references", quiet=True, **part)
+    check("benchmark", found)
     second, encoder = found["rows"]
     assert (second["kind"], second["sessions"], second["adequate"]) == ("second_file", 1, 1)
     assert second["parameters"]["offset_s"]["z_largest"] < 4

@@ -5,41 +5,34 @@
 
 import hashlib
 import json
+import re
 from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
 import pytest
 
+from answers import check
 from gyrocal.cli import command_modules, main
+from gyrocal.device.monitor import Monitor
+from gyrocal.device.wire import decode, encode
 from gyrocal.json_schemas import ANSWERS, schema
 from gyrocal.recording.session import Session
 
 RECORDED = Path(__file__).with_name("json_schemas.json")
+PROTOCOL = Path(str(files("gyrocal_firmware"))) / "lib" / "gyrocal_core" / "PROTOCOL.md"
 SWING = Path(__file__).resolve().parents[1] / "docs" / "examples" / "swing.csv.gz"
 MODEL = str(files("gyrocal") / "data" / "table2" / "model.toml")
+NAMES_OF_TAGS = {
+    "HEL": "Hello", "RUN": "RunEvent", "CAL": "Result", "STA": "State", "TST": "SelfTest", "ERR": "Failure",
+}  # fmt: skip
 pytestmark = pytest.mark.usefixtures("known_answers")
-
-
-def closed(part: Any) -> Any:
-    """A schema that lets no key pass that it does not name, so that none is forgotten there."""
-    if isinstance(part, list):
-        return [closed(each) for each in part]
-    if not isinstance(part, dict):
-        return part
-    found = {key: closed(value) for key, value in part.items()}
-    return found | ({"additionalProperties": False} if isinstance(part.get("properties"), dict) else {})
 
 
 def fingerprint(verb: str) -> str:
     return hashlib.sha256(json.dumps(schema(verb), sort_keys=True).encode()).hexdigest()[:16]
-
-
-def check(verb: str, answer: Any) -> None:
-    jsonschema.validate(answer, schema(verb))
-    if verb not in ("monitor", "train", "benchmark"):  # these say more, by what was asked
-        jsonschema.validate(answer, closed(schema(verb)))
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +104,36 @@ def test_answers_of_devices_hold_to_their_schema(session: str, capsys: pytest.Ca
             assert main([*words, "--port", device.port, "--json"]) == 0
         return capsys.readouterr().out
 
-    check("record", json.loads(asked("record", "recorded", "--follow")))
-    for line in asked("monitor").splitlines():
-        check("monitor", json.loads(line))
+    recorded = json.loads(asked("record", "recorded", "--follow"))
+    assert {"baseline", "cnn"} == {result["method"] for result in recorded["results"]}
+    check("record", recorded)
+    events = [json.loads(line) for line in asked("monitor").splitlines()]
+    for event in events:
+        check("monitor", event)
+    assert {"hello", "sample", "run", "result", "state", "ack", "end"} <= {event["event"] for event in events}
+
+
+@pytest.mark.parametrize(
+    ("tag", "fields"),
+    [
+        ("TST", {"passed": 1, "x_dps": 400.5, "y_dps": None, "z_dps": 400, "least_dps": 150, "most_dps": 700}),
+        ("ERR", {"code": -23, "name": "recording", "advice": "a_run_is_going_on:_send_stop_first"}),
+        ("HEL", {"proto": 1, "fw": "0.2.0", "sensor": "LSM6DSO", "cal": None, "net": "paper"}),
+        ("ACK", {"cmd": "set", "table_dps": "none"}),
+    ],
+)
+def test_an_event_of_each_sentence_holds_to_the_schema(tag: str, fields: dict[str, Any]) -> None:
+    monitor = Monitor(SimpleNamespace(answered=True, reader=SimpleNamespace(restarts=0)))  # type: ignore[arg-type]
+    check("monitor", monitor._other(decode(encode(tag, 0, 5, 0, fields))))
+
+
+def test_an_event_has_the_fields_that_the_protocol_lists() -> None:
+    """The table of the protocol's sentences and the types of ``monitor`` name the same fields."""
+    rows = [line.split("|") for line in PROTOCOL.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    told = {row[1].strip(): re.sub(r"\([^()]*\)", "", row[3]).partition(";")[0].split(",") for row in rows}
+    for tag, name in NAMES_OF_TAGS.items():
+        fields = {part.replace("and at the end", "").split("=")[0].strip() for part in told[tag]}
+        assert fields | {"event", "t_us", "imu"} == set(schema("monitor")["$defs"][name]["properties"]), tag
 
 
 def test_the_answer_on_a_fleet_holds_to_its_schema(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,7 +61,8 @@ HINTS = {
     "import empty new --rate 78": "no tables in this folder (.csv",
     "import log.csv new --map t_s=time": "among time, x, y, z; say which columns to take: --map gz_dps=COLUMN:UNIT",
     "import raw.csv new --rate 78": "say what one count is, for example --lsb-dps 0.00763359",
-    "import enc.csv new --yes": "--rate 0 is a sensor that lay still; columns not taken: encoder",
+    "import enc.csv new --yes": "give --rate (0: it lay still), --turn-deg, or --gravity (turned by hand), or map rate_ref_dps or ref_angle_deg; "
+    "columns not taken: encoder",
     "import enc.csv new --rate 78 --map gz_dps=gz": "no time: map t_s, or give --rate-hz where samples are evenly spaced",
     "import enc.csv new --rate 0 --map gz_dps=gz": "perhaps --map 't_s=time:UNIT'",
     "calibrate rest": "The bias can: `gyrocal explain SESSION --model M.toml` writes it into a model",
@@ -85,7 +86,7 @@ HINTS = {
     "export --model default --format betaflight --out e": "there are header",
     "firmware s": "give a new folder",
     "verify --header none.h": "write one with `gyrocal export`",
-    "device --fault explosion": "there are nack",
+    "device --fault explosion": "no fault of this name; `gyrocal device --fault list` lists them",
     "device --tcp nowhere": "write HOST:PORT",
     "monitor": "Missing option '--port'",
     "monitor --port /dev/ttyNONE": "plug the device in",
@@ -95,6 +96,8 @@ HINTS = {
     "record new --face up --rate 78 --seconds 3": "Missing option '--port'",
 }
 """What a user types, and words of the line that says what to do."""
+LONGEST = 200
+"""Characters of a line that is read at a glance, two lines of a terminal."""
 PORT = ("monitor --port", "record new --port")
 """Slips whose exit code is 3."""
 
@@ -146,6 +149,7 @@ def test_a_slip_gets_one_helpful_line(
     out, told = capsys.readouterr()
     assert (out, told.count("\n")) == ("", 1)
     assert told.startswith("gyrocal: ")
+    assert len(told) <= LONGEST
     assert HINTS[words] in told
     assert "Traceback" not in told
     assert files(desk) == before

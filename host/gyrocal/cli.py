@@ -19,7 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from gyrocal import __version__, verbosity
-from gyrocal.errors import GyrocalError, did_you_mean
+from gyrocal.errors import GyrocalError, InputError, did_you_mean
 
 PACKAGE = "gyrocal.commands"
 INTERRUPTED = 130
@@ -94,7 +94,7 @@ class LazyGroup(TyperGroup):
         modules = command_modules()
         if args[0] not in modules and args[0] not in ALIASES:
             near = did_you_mean(args[0], [*modules, "--help"])
-            ctx.fail(f"no command {args[0]!r}{near}; there are {', '.join(modules)}.")
+            ctx.fail(f"no command {args[0]!r}{near}.")
         found = super().resolve_command(ctx, args)
         LazyGroup.started()
         return found
@@ -151,6 +151,9 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
     except GyrocalError as error:
         if debug:
             raise
+        if isinstance(error, InputError) and not asked & {"quiet"} and "--json" not in arguments:
+            for line in error.proposed:
+                print(line)
         return _fail(str(error), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("stopped", INTERRUPTED)

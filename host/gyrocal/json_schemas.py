@@ -16,13 +16,15 @@ from typing_extensions import TypedDict
 from gyrocal.calibration.calibrate import Estimate
 from gyrocal.device.run_writer import Recorded
 from gyrocal.device.wifi import Network
-from gyrocal.errors import InputError, did_you_mean
+from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.fleet.history import Aging
 from gyrocal.fleet.missing import Missing
 from gyrocal.fleet.outliers import Outlier
 from gyrocal.fleet.trend import Trend
 from gyrocal.gravity.aims import Aim
 from gyrocal.gravity.budget import BudgetRow as GravityBudget
+from gyrocal.json_benchmarks import Benchmark
+from gyrocal.json_events import DeviceAnswer, Event
 from gyrocal.json_small import (
     Allan,
     Axis,
@@ -375,18 +377,10 @@ class Record(Warned):
     runs: list[Recorded]
     lost_sentences: int
     bad_sentences: int
-    results: list[dict[str, Any]]
+    results: list[DeviceAnswer]
     errors: list[str]
     rests: NotRequired[int]
     aims: NotRequired[list[AimAnswer]]
-
-
-class Event(TypedDict):
-    """``monitor``: one event, a line."""
-
-    event: Literal["hello", "sample", "run", "result", "state", "ack", "error", "end"]
-    t_us: NotRequired[int]
-    imu: NotRequired[int]
 
 
 class Pooled(TypedDict):
@@ -458,18 +452,14 @@ class Demo(TypedDict):
     parity: Verify | dict[str, Any] | None
 
 
-class Benchmark(TypedDict):
-    """``benchmark``: the figures of the benchmark that was asked for."""
-
-
 ANSWERS: dict[str, tuple[Any, str]] = {
-    "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
+    "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.1"),
     "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.1"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.2"),
-    "keep": (Keep, "1.1"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
-    "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
+    "keep": (Keep, "1.1"), "monitor": (Event, "1.1"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.1"),
+    "simulate": (Simulate, "1.0"), "train": (Train, "1.1"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
     "wifi": (derived(Network, url=str, token=str), "1.0"),
 }  # fmt: skip
 """The type and the version of the answer of each verb."""
@@ -479,7 +469,7 @@ VERSIONS = {verb: version for verb, (_, version) in ANSWERS.items()}
 def schema(verb: str) -> dict[str, Any]:
     """The JSON schema (draft 2020-12) of what a verb prints with ``--json``. Raises InputError for a verb without one."""
     if verb not in ANSWERS:
-        raise InputError(f"no answer of {verb!r}{did_you_mean(verb, ANSWERS)}; there are {', '.join(ANSWERS)}")
+        raise InputError(f"no answer of {verb!r}{did_you_mean(verb, ANSWERS)}; {there_are(ANSWERS, '`gyrocal --help`')}")
     kind, version = ANSWERS[verb]
     made = _of_answers(TypeAdapter(kind).json_schema(mode="serialization"))
     return {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, NotRequired
 
 from typing_extensions import TypedDict
 
@@ -189,7 +189,21 @@ class Version(TypedDict):
     answers: dict[str, str]
 
 
+class TrainError(TypedDict):
+    """Mean absolute errors of a method on scenarios that the network has not seen; ``covered``: within one standard error."""
+
+    method: Literal["net", "model", "mean", "baseline"]
+    seconds: float
+    scale_mae: Number
+    bias_mae_dps: Number
+    scale_covered: NotRequired[Number]
+    bias_covered: NotRequired[Number]
+
+
 class Train(TypedDict):
     """``train``: the run's folder, and its metrics."""
 
     run: str
+    best_epoch: int
+    validation_loss: Number
+    errors: list[TrainError]

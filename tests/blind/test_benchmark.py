@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from answers import check
 from gyrocal import benchmark as verb
 from gyrocal.cli import main
 from gyrocal.inference.heldout import Prediction
@@ -156,6 +157,7 @@ def test_the_verb_prints_one_object_with_the_pinned_keys(tmp_path, monkeypatch, 
     monkeypatch.setattr("blind.benchmark.run", lambda *_: outcomes)
     assert main(["benchmark", "blind", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    check("benchmark", found)
     pinned = {
         "false_alarm_rate", "top1_rate", "set_contains_rate", "mean_set_size", "confounded_declared_rate",
         "unknown_flagged_rate", "misnamed_rate", "error_reduction_ratio",

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from answers import check
 from gyrocal.benchmark import _module, benchmark
 
 Row = dict[str, Any]
@@ -12,8 +13,10 @@ Row = dict[str, Any]
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
-    found: list[Row] = benchmark("population", sample=True, quiet=True)["rows"]
-    return found
+    found = benchmark("population", sample=True, quiet=True)
+    check("benchmark", found)
+    kept: list[Row] = found["rows"]
+    return kept
 
 
 def of(rows: list[Row], kind: str, *seconds: float) -> list[Row]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from answers import check
 from gyrocal import benchmark
 from gyrocal.errors import InputError
 
@@ -121,6 +122,7 @@ def test_two_files_are_compared_case_by_case() -> None:
 def test_cases_are_run_once_and_resumed(tmp_path: Path) -> None:
     out = tmp_path / "edge.jsonl"
     found = benchmark.benchmark("edge", quiet=True, kinds=["null"], stop=1, workers=1, out=out)
+    check("benchmark", found)
     assert (found["cases"], found["failed"]) == (1, [])
     row = edge_table.read(out)[0]
     assert {"verdict", "candidates", "alternatives", "seconds", "truth", "oracle", "behind"} <= set(row)
@@ -129,6 +131,9 @@ def test_cases_are_run_once_and_resumed(tmp_path: Path) -> None:
         file.write('{"case": "cut off')
     assert len(edge_table.read(out)) == 1
     assert benchmark.benchmark("edge", quiet=True, kinds=["null"], stop=1, workers=1, out=out) == found
+    beside = benchmark.benchmark("edge", quiet=True, kinds=["null"], stop=1, workers=1, out=out, against=out)
+    check("benchmark", beside)
+    assert beside == found | {"compared": edge_table.compared([row], [row])}
 
 
 def test_an_unknown_part_or_kind_and_code_that_is_not_committed_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from answers import check
 from gyrocal import benchmark
 
 FITS = 20
@@ -78,7 +79,9 @@ def test_the_band_holds_for_all_cells_together(coverage: Any) -> None:
             for e, size in cells for seed, z in enumerate(scale * rng.normal(size=300))
         ]  # fmt: skip
 
-    assert not any(line["outside"] for line in coverage.summary(rows(1.0, 1.0))["rows"])
+    honest = coverage.summary(rows(1.0, 1.0))
+    check("benchmark", honest)
+    assert not any(line["outside"] for line in honest["rows"])
     for wrong in (rows(2.0, 1.0), rows(1.0, 0.6)):
         assert all(line["outside"] for line in coverage.summary(wrong)["rows"])
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gyrocal
+from answers import check
 from gyrocal.calibration import limit
 from gyrocal.calibration.network import STAGES_S, FaceNetwork
 from gyrocal.calibration.scenarios import Faces, Protocol, Simulation, block_means
@@ -140,7 +141,9 @@ def test_a_network_whose_sums_do_not_fit_is_not_exported(exported: Path) -> None
 def test_a_run_folder_says_how_it_was_made(run: Path) -> None:
     made = json.loads((run / "made_by.json").read_text())
     assert made["command"] == "gyrocal train --net gyrocal --seed 0 --epochs 1 --out small"
-    rows = json.loads((run / "metrics.json").read_text())["errors"]
+    metrics = json.loads((run / "metrics.json").read_text())
+    check("train", {"run": str(run), **metrics})
+    rows = metrics["errors"]
     assert [row["seconds"] for row in rows if row["method"] == "net"] == list(STAGES_S)
     error = {(row["method"], row["seconds"]): row["bias_mae_dps"] for row in rows}
     assert all(error["model", s] < 1.1 * error["net", s] for s in STAGES_S), "nothing beats the exact answer"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from answers import check
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from make_runs import make_run, make_session
@@ -181,6 +182,7 @@ def test_the_command_trains_on_sessions(tmp_path: Path, capsys: pytest.CaptureFi
     folder, out = session(tmp_path / "session", scenarios=5), tmp_path / "run"
     assert main(["train", str(folder), "--epochs", "2", "--out", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    check("train", found)
     assert found["run"] == str(out)
     assert str(tmp_path) not in (out / "made_by.json").read_text(), "names no path of this machine"
 

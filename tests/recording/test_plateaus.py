@@ -38,9 +38,10 @@ def log(path: Path, rates: list[tuple[float, float]]) -> Path:
 def test_the_plateaus_of_one_file_are_proposed(rate: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = log(tmp_path / "log.csv", [(0, 8), (78, 10), (-78, 10), (0, 6)])
     assert main(["import", str(path), str(tmp_path / "out"), *rate]) == 2
-    said = capsys.readouterr().err
+    proposed, said = capsys.readouterr()
     assert "the readings show 4 plateaus" in said
-    options = shlex.split(said.partition("read here: ")[2].partition("; or all")[0])
+    assert max(map(len, (said, *proposed.splitlines()))) <= 200
+    options = shlex.split(proposed.partition("one by one:")[2].partition("or all")[0])
     assert len(options) == 8
     assert main(["import", str(path), str(tmp_path / "out"), *options]) == 0
     runs = Session.open(tmp_path / "out").runs

@@ -10,7 +10,7 @@ import re
 import subprocess
 from collections.abc import Sequence
 
-from gyrocal.errors import InputError, did_you_mean
+from gyrocal.errors import InputError, did_you_mean, there_are
 
 LASTING = ("wrong_id", "stuck_bit", "reset_timeout", "table_off", "reversed_mount", "stuck_mass")
 """Faults that last from power-on unless specified otherwise; random ones do not include them."""
@@ -49,7 +49,8 @@ def check_faults(specifications: Sequence[str], fifo: int = 0) -> None:
                 f"--fault {text}: write NAME[@T][:LENGTH][*TIMES], T and LENGTH in seconds, for example nack@2:0.5*3"
             )
         if found["name"] not in names:
-            raise InputError(f"--fault {text}: there are {', '.join(names)}{did_you_mean(text, names)}")
+            listed = there_are(names, "`gyrocal device --fault list`")
+            raise InputError(f"--fault {text}: no fault of this name{did_you_mean(text, names)}; {listed}")
         if found["name"] == OF_FIFO and not fifo:
             raise InputError(f"--fault {text}: is a fault of the FIFO; give --fifo too, for example --fifo 12")
 

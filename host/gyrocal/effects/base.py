@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from gyrocal.errors import InputError, did_you_mean
+from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
@@ -347,12 +347,12 @@ def load(place: Path) -> list[str]:
 
 
 def effect(effect_id: str) -> Effect:
-    """One effect by id. Raises InputError, which lists the known ids, if there is none."""
+    """One effect by id. Raises InputError, which says what lists them, if there is none."""
     try:
         return effects()[effect_id]
     except KeyError:
         near = did_you_mean(effect_id, effects())
-        raise InputError(f"no effect {effect_id!r}{near}; there are {', '.join(effects())}") from None
+        raise InputError(f"no effect {effect_id!r}{near}; {there_are(effects(), '`gyrocal effects`')}") from None
 
 
 def with_role(role: Role) -> Effect:

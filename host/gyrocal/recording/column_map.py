@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from gyrocal.errors import InputError, did_you_mean
+from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.recording.run import AXES
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
@@ -75,7 +75,7 @@ class ColumnMap:
             raise InputError(f"{option} {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
         if target not in TARGETS:
             near = did_you_mean(target, TARGETS)
-            raise InputError(f"{option} {text}: no column {target!r} in a session{near}; there are {', '.join(TARGETS)}")
+            raise InputError(f"{option} {text}: no column {target!r} in a session{near}; {there_are(TARGETS, 'docs/session.md')}")
         rest, multiplier = _factor(f"{option} {text}", rest)
         column, unit = rest.strip(), None
         units = units_of(target, scaling)

@@ -155,13 +155,13 @@ def _names(found: Sequence[Plateau]) -> list[str]:
     return names
 
 
-def in_words(found: Sequence[Plateau]) -> str:
+def options(found: Sequence[Plateau]) -> list[str]:
     """The options that make a run of each plateau, with the rates as they are read."""
-    options = []
+    told = []
     for p, name in zip(found, _names(found), strict=True):
         facts = "rate=0" if p.at_rest else f"axis={AXES[p.axis]},rate={p.mean_dps[p.axis]:.3g}"
-        options.append(f"--run {name}:{p.start_s:.2f}s:{p.stop_s:.2f}s:{facts}")
-    return " ".join(options)
+        told.append(f"--run {name}:{p.start_s:.2f}s:{p.stop_s:.2f}s:{facts}")
+    return told
 
 
 def _read(found: Sequence[Plateau]) -> list[str]:
@@ -200,7 +200,10 @@ def cut(label: str, columns: Mapping[str, Array], whole: Cut) -> list[Cut]:
         return [whole]
     stated = "its true rate is not known" if rate_dps is None else f"one rate, {rate_dps:g} dps, is stated"
     raise InputError(
-        f"{label}: {stated}, and the readings show {len(several)} plateaus. Make a run of each, with the table's own rates in "
-        f"place of those that are read: --rates {','.join(dict.fromkeys(_read(several)))}; or one by one, again with the "
-        f"table's own rates in place of those that are read here: {in_words(several)}; or all of it as one run: --run all::"
-    )
+        f"{label}: {stated}, and the readings show {len(several)} plateaus; state the rate of each: --rates or --run",
+        [
+            "as it is read here; put the table's own rates in their place:",
+            f"  --rates {','.join(dict.fromkeys(_read(several)))}", "or one by one:", *(f"  {one}" for one in options(several)),
+            "or all of it as one run:", "  --run all::",
+        ],
+    )  # fmt: skip

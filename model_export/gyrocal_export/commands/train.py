@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Literal
@@ -11,6 +10,7 @@ import typer
 
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN, InputError
 from gyrocal.fleet.engine import engine
+from gyrocal.present.output import emit
 
 Net = Literal["paper", "gyrocal"]
 Axis = Literal["x", "y", "z"]
@@ -69,7 +69,7 @@ def run(
                 with TemporaryDirectory() as scratch, engine(workers or (None if scheduler else 0), scheduler) as where:
                     metrics = train(config, folder, report, where, draws or Path(scratch))
     if as_json:
-        print(json.dumps({"run": str(folder), **metrics}))
+        emit({"run": str(folder), **metrics})
         return
     print(f"{folder}: best epoch {metrics['best_epoch']}, validation loss {metrics['validation_loss']:.3f}")
     for row in metrics["errors"]:
