@@ -61,8 +61,7 @@ HINTS = {
     "import empty new --rate 78": "no tables in this folder (.csv",
     "import log.csv new --map t_s=time": "among time, x, y, z; say which columns to take: --map gz_dps=COLUMN:UNIT",
     "import raw.csv new --rate 78": "say what one count is, for example --lsb-dps 0.00763359",
-    "import enc.csv new --yes": "give --rate (0: it lay still), --turn-deg, or --gravity (turned by hand), or map rate_ref_dps or ref_angle_deg; "
-    "columns not taken: encoder",
+    "import enc.csv new --yes": "or --gravity (turned by hand), or map rate_ref_dps or ref_angle_deg; columns not taken: enc",
     "import enc.csv new --rate 78 --map gz_dps=gz": "no time: map t_s, or give --rate-hz where samples are evenly spaced",
     "import enc.csv new --rate 0 --map gz_dps=gz": "perhaps --map 't_s=time:UNIT'",
     "calibrate rest": "The bias can: `gyrocal explain SESSION --model M.toml` writes it into a model",
@@ -157,3 +156,12 @@ def test_a_slip_gets_one_helpful_line(
 
 def test_there_are_enough_of_them() -> None:
     assert len(HINTS) >= 50
+
+
+def test_what_a_person_reads_has_no_long_line(desk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers on a table and by hand: sentences and lists are of lines that a terminal shows."""
+    held = str(tmp_path / "held")
+    assert main(["simulate", held, "--campaign", "hands", "--scenarios", "16"]) == 0
+    for verb, of in (("diagnose", str(desk / "s")), ("calibrate", str(desk / "s")), ("compare", held), ("calibrate", held)):
+        assert main([verb, of]) == 0
+        assert max(map(len, capsys.readouterr().out.splitlines())) <= LONGEST, verb

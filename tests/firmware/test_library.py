@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gyrocal import __version__
 from gyrocal.cli import main
 from gyrocal.core.firmware_project import create_library
 from gyrocal_firmware import CORE, LIBRARY, SIM
@@ -128,7 +129,8 @@ def test_the_manifests_name_what_is_there(library: Path) -> None:
     properties = dict(line.split("=", 1) for line in (library / "library.properties").read_text().splitlines())
     version = re.search(r'GC_FIRMWARE_VERSION "([^"]+)"', (CORE / "gc_device.h").read_text())
     assert version is not None
-    assert manifest["version"] == properties["version"] == version[1]
+    assert manifest["version"] == properties["version"] == version[1] == __version__
+    assert json.loads((CORE / "library.json").read_text())["version"] == __version__
     assert f'version: "{version[1]}"' in (library / "idf_component.yml").read_text()
     assert [e["name"] for e in manifest["examples"]] == EXAMPLES == sorted(p.name for p in (library / "examples").iterdir())
     assert all((library / e["base"] / f).is_file() for e in manifest["examples"] for f in e["files"])

@@ -40,7 +40,7 @@ def answered(one: Estimate) -> str:
 
 
 def headline(rows: Sequence[BudgetRow]) -> str:
-    """The largest source and what would lower it; the sources that the session does not show."""
+    """The largest source and what would lower it; the sources that the session does not show, in a line of their own."""
     top, unknown = largest(rows), [row for row in rows if row.scale is None]
     told = []
     if top is not None:
@@ -51,7 +51,7 @@ def headline(rows: Sequence[BudgetRow]) -> str:
         )
     if unknown:
         told.append(f"Not known: {'; '.join(f'{row.source} ({row.advice})' for row in unknown)}.")
-    return " ".join(told)
+    return "\n".join(told)
 
 
 def _percent(scale: float | None) -> str:

@@ -255,7 +255,9 @@ def _shares(rows: Sequence[BudgetRow], unit: RateUnit) -> list[list[str]]:
 
 
 def _begins(scene: Scene) -> str:
-    return ", ".join(f"{scene.session.runs[r.run].sample_s[r.start]:.1f}" for r in scene.rests)
+    """When the rests begin, s; of many the first ones and the last."""
+    told = [f"{scene.session.runs[r.run].sample_s[r.start]:.1f}" for r in scene.rests]
+    return ", ".join(told if len(told) <= RESTS_SHOWN else [*told[: RESTS_SHOWN - 1], "...", told[-1]])
 
 
 def _percent(se: float | None) -> float | None:

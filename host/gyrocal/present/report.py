@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from gyrocal.diagnosis.answer.diagnose import Diagnosis
@@ -24,6 +25,8 @@ from gyrocal.present.verdict import adequate, first_sentence, high_floor, nothin
 from gyrocal.units import RateUnit, to_read, unit_of
 from gyrocal.warning import Warning, by_weight, line
 
+LIST_WIDTH = 120
+"""Characters of a line of a list of names."""
 REJECTED_SHOWN = 3
 BLOCKED = (
     "The session's own axis is not judged, because it has a blocking warning. Correct what the warnings describe, or "
@@ -205,7 +208,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     ]  # fmt: skip
     table("", ["effect:", "axis:", "decision:", "probability", "explained", "held-out gain", "size:"], rows)
     if rejected[REJECTED_SHOWN:]:
-        stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
+        stdout.print("\n".join(wrap(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}", LIST_WIDTH)))
     unseen = [c for c in d.candidates if c.decision == "not_measurable"]
     nowhere = {c.effect.id for c in unseen} - {c.effect.id for c in (*passed, *rejected)}
     on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]

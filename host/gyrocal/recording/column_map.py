@@ -75,7 +75,8 @@ class ColumnMap:
             raise InputError(f"{option} {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
         if target not in TARGETS:
             near = did_you_mean(target, TARGETS)
-            raise InputError(f"{option} {text}: no column {target!r} in a session{near}; {there_are(TARGETS, 'docs/session.md')}")
+            listed = there_are(TARGETS, "docs/session.md")
+            raise InputError(f"{option} {text}: no column {target!r} in a session{near}; {listed}")
         rest, multiplier = _factor(f"{option} {text}", rest)
         column, unit = rest.strip(), None
         units = units_of(target, scaling)

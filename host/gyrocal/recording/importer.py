@@ -321,8 +321,8 @@ def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Referenc
     if reference.kind != "gravity":
         if not stated:
             raise InputError(
-                f"run {cut.name}: its true rate is not known; give --rate (0: it lay still), --turn-deg, or --gravity (turned by hand), "
-                f"or map rate_ref_dps or ref_angle_deg{not_taken}"
+                f"run {cut.name}: its true rate is not known; give --rate (0: it lay still), --turn-deg, or --gravity "
+                f"(turned by hand), or map rate_ref_dps or ref_angle_deg{not_taken}"
             )
     elif stated:
         raise InputError(f"run {cut.name}: the reference is gravity, and a true rate is given too; leave out one of them")

@@ -33,7 +33,7 @@
 extern "C" {
 #endif
 
-#define GC_FIRMWARE_VERSION "0.1.0"
+#define GC_FIRMWARE_VERSION "0.2.0"
 
 typedef struct {
     const gc_port_t *port;
