@@ -91,7 +91,7 @@ def _bias_dps(model: Model, run: Run, seconds: float, *, stated: bool) -> dict[s
         near = known is None or abs(bias_dps - own_dps) <= max(POLICY.rest_bias_off_dps, POLICY.rest_bias_spreads * sd_dps)
         if abs(bias_dps) > POLICY.largest_bias_dps or not (stated or near):
             raise InputError(
-                f"{where}, {axis} reads {bias_dps:.4g} dps and the model's bias is {own_dps:.4g} dps: the part turns, or is another "
-                f"one; {INSTEAD}"
+                f"{where}, {axis} reads {bias_dps:.4g} dps and the model's bias is {own_dps:.4g} dps: the part turns, or "
+                f"is another one; {INSTEAD}"
             )
     return dict(zip(AXES, map(float, left_dps.mean(axis=0)), strict=True))

@@ -154,7 +154,7 @@ def _counts(source: Source, name: str, values: Array) -> InputError:
             "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
         )
     return InputError(
-        f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, as by --lsb-dps "
+        f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
         f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones map each axis, as by "
         f"--map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
     )
