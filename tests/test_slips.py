@@ -70,7 +70,7 @@ HINTS = {
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, counts",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:counts": "needs --lsb-dps",
     "import log.csv new --rate 78 --map gz_dps=z": "map t_s, or give --rate-hz",
-    "import log.csv new --map t_s=time --map gz_dps=z": "or map rate_ref_dps or ref_angle_deg; or --gravity",
+    "import log.csv new --map t_s=time --map gz_dps=z": "or --gravity (turned by hand), or map rate_ref_dps or ref_angle_deg",
     "import log.csv new --face top --map t_s=time --map gz_dps=z": '--face: face=top; write "up" or "down"',
     "import log.csv new --rate 78 --axis x --map t_s=time --map gz_dps=z": "nothing is mapped to gx_dps; see --axis",
     "import log.csv new --rate 78 --run up:0:5000 --map t_s=time --map gz_dps=z": "the table has 400 rows",

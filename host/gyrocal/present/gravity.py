@@ -35,6 +35,7 @@ from gyrocal.present.report import (
 from gyrocal.present.verdict import adequate, first_sentence, high_floor, left_over, nothing_found, stands_on
 from gyrocal.recording.session import AXES, Session
 from gyrocal.units import RateUnit, number_of, unit_of
+
 RESTS_SHOWN = 10
 """Of more rests, the first ones and the last are listed."""
 
