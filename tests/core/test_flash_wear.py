@@ -33,8 +33,8 @@ DAY = {"a run up and a run down": 100, "a run at rest": 100, "`undo`": 20, "`res
 ENDLESS = {"a run up and a run down": 86400 // 20}
 """A table that is never still: a pair each 20 s."""
 
-# NVS of ESP-IDF writes records as entries of 32 bytes, 126 a page of 4096 bytes. A record has a header for each piece, two pieces
-# where it crosses the end of a page, and an index. One page is kept free.
+# NVS of ESP-IDF writes records as entries of 32 bytes, 126 a page of 4096 bytes. A record has a header for each piece, two
+# pieces where it crosses the end of a page, and an index. One page is kept free.
 ENTRY_BYTES, PAGE_ENTRIES, PAGE_BYTES = 32, 126, 4096
 HEADERS = 3
 ERASURES = 100_000
@@ -63,8 +63,8 @@ def pages() -> int:
 
 
 def years(worn: dict[str, tuple[int, int]], day: dict[str, int], sensors: int) -> float:
-    """Until each page but one has been erased as often as it may be. What is kept, both slots of each record, is copied when its page
-    is erased: at most the mean fraction of a page."""
+    """Until each page but one has been erased as often as it may be. What is kept, both slots of each record, is copied when
+    its page is erased: at most the mean fraction of a page."""
     usable = (pages() - 1) * PAGE_ENTRIES
     kept = sensors * 2 * (entries(2, worn["`reset`"][1]) + entries(1, worn["`set` to another value"][1]))
     assert kept < usable

@@ -1,4 +1,4 @@
-"""What a board does to the core beside its sensor: nobody reads its port, it sleeps between samples, it starts again, its flash fails."""
+"""The board around the core: nobody reads its port, it sleeps between samples, it starts again, its flash fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .conftest import Sentence, make_pair, make_run, sentences, ticks, write_rows
+from .conftest import HERE, Build, Sentence, make_pair, make_run, run, sentences, ticks, write_rows
 
 Sim = Callable[..., str]
 USB_BYTES = 4096
@@ -29,7 +29,7 @@ def pair(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("when", [":3", ":9", "@2:3", "@5:7", ":1*6"])
 def test_while_nobody_reads_only_sentences_are_lost(sim: Sim, pair: Path, when: str) -> None:
-    """Both runs are 6.5 s long: from power-on into the first run or the second, in the middle, over the turn, and again and again."""
+    """Runs of 6.5 s: from power-on into the first or the second, in the middle, over the turn, and again and again."""
     sound = sentences(sim(pair, "--stream", "raw"))
     said = sentences(sim(pair, "--stream", "raw", "--fault", f"unheard{when}"))
     heard = {s.seq: s for s in said}
@@ -62,7 +62,8 @@ def test_neither_a_calibration_nor_a_store_waits_for_a_reader(sim: Sim, pair: Pa
 @pytest.mark.parametrize(("rate_hz", "fifo"), [(145.0, 0), (104.0, 0), (104.0, 8)])
 def test_sleep_that_is_shorter_than_the_wait_costs_nothing(sim: Sim, tmp_path: Path, rate_hz: float, fifo: int) -> None:
     """Polled, by data-ready and with the FIFO, whose batch of 8 comes each 77 ms."""
-    rows = write_rows(tmp_path / "a.rows", [make_run(np.random.default_rng(6), np.full(600, 78.0), ticks(600, rate_hz))], rate_hz)
+    made = make_run(np.random.default_rng(6), np.full(600, 78.0), ticks(600, rate_hz))
+    rows = write_rows(tmp_path / "a.rows", [made], rate_hz)
     options = ["--stream", "raw", "--fifo", str(fifo)]
     assert sim(rows, *options, "--sleep", "60" if fifo else "4") == sim(rows, *options)
 
@@ -99,6 +100,22 @@ def test_samples_that_came_in_sleep_are_missing_and_counted(sim: Sim, tmp_path: 
     missing = took[-1] - took[0] + 1 - len(took)
     assert missing > len(took) * 0.3
     assert missing <= int(end["missed"]) <= missing + more * (slept + 1)
+
+
+def test_by_data_ready_a_sample_after_a_sleep_is_dated_at_most_a_period_late(build: Build) -> None:
+    """The part has a clock of its own, and the device looks half a period after it awakes. A rate that changed a period before
+    the look is seen by all samples, one that changed half a period before it by about half of them: the others are older."""
+    period_s, rounds = 64 / 6667, 200
+    for change_s, low, high in ((0.52 * period_s, rounds, rounds), (0.0, 0.35 * rounds, 0.65 * rounds)):
+        script = "world 0 0 0 0 0 0 16393\npower\n> set rate_hz 104\n> stream raw\nrun 1\n"
+        for k in range(1, rounds + 1):
+            script += f"busy {0.0301 - change_s}\nworld 0 0 0 {k} 0 0 16393\nbusy {change_s}\nrun 0.0001\n"
+        text = run(build(HERE / "bench.c"), f"{script}> status\n")
+        slept = sentences(text, "RAW")[-rounds:]
+        assert low <= sum(int(s["3"]) == k for k, s in enumerate(slept, 1)) <= high
+        assert all(int(s["3"]) in (k - 1, k) for k, s in enumerate(slept, 1))
+        periods = np.rint(np.diff([s.t_us for s in sentences(text, "RAW")][-rounds - 1 :]) / (1e6 * period_s))
+        assert int(sentences(text, "STA")[0]["missed"]) == pytest.approx((periods - 1).sum(), abs=1)
 
 
 @pytest.mark.parametrize(("sleep_ms", "overruns"), [(500, False), (1500, False), (6000, True)])

@@ -14,7 +14,7 @@ HELD_BYTES = 16384 + 4096
 def test_with_nobody_at_the_connector_nothing_but_sentences_is_lost(
     play: Play, tmp_path: Path, off_s: float, on_s: float
 ) -> None:
-    """From power-on into the second run of a pair, from power-on into the first one, and from the first one into the second one."""
+    """From power-on into the second run of a pair or into the first one, and from the first one into the second one."""
     flash = tmp_path / "flash"
     script = [*pair(1), "0.9 > stream raw", f"{off_s} listen off", f"{on_s} listen on", f"{on_s} > status", "16 > dump"]
     text = play(script, 20, flash)

@@ -33,6 +33,7 @@ static double tx_busy_until_us;
 /* A native USB connector that nobody reads: what the driver's buffer holds stays there, and a write that finds no room waits for a
    while, the lock held, and takes nothing. */
 #define UNREAD_WAIT_US 250e3
+#define UNREAD_BYTES (tx_bytes > 0 ? tx_bytes : 256u)
 
 static bool is_read = true;
 static std::string unread;
@@ -112,14 +113,14 @@ int HardwareSerial::available() {
 
 int HardwareSerial::availableForWrite() {
     serial_guard guard;
-    return static_cast<int>(is_read ? FIFO_BYTES + tx_bytes - tx_waiting() : tx_bytes - unread.size()); /* without notes and headers */
+    return static_cast<int>(is_read ? FIFO_BYTES + tx_bytes - tx_waiting() : UNREAD_BYTES - unread.size()); /* without notes and headers */
 }
 
 /* What finds no room waits for the wire, the lock held. */
 size_t HardwareSerial::write(const uint8_t *data, size_t n) {
     serial_guard guard;
     if (!is_read) {
-        if (unread.size() + n > tx_bytes) {
+        if (unread.size() + n > UNREAD_BYTES) {
             pass(UNREAD_WAIT_US);
             return 0;
         }
