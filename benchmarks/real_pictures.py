@@ -4,6 +4,10 @@
 
 prints what `gyrocal explain` prints of two recordings that ``benchmarks/real.py`` grades, and draws ``real_chamber.png`` and
 ``real_stepper.png``.
+
+    python benchmarks/real_pictures.py docs/images --gallery
+
+draws five of the recordings themselves, as `gyrocal plot` does, for docs/gallery.md.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from gyrocal.diagnosis.answer.explain import Explanation, explain
 from gyrocal.diagnosis.residual.levels import Cleaned
 from gyrocal.effects.quantities import rate_slope_dps_s
 from gyrocal.present.explanation import print_explanation
+from gyrocal.present.preview import preview
 from gyrocal.recording.session import AXES, Array, Run, Session
 
 if TYPE_CHECKING:
@@ -86,11 +91,25 @@ def _scatter(panel: Axes, fit: Any, axis: str, quantity: Quantity, together: int
         panel.plot(values[shown], residual[shown], ".", markersize=2, color=colour, alpha=0.6, label=told)
 
 
+GALLERY = ("chamber", "Ferraris", "MPU-6050 at rest", "stepper", "motion capture")
+
+
+def gallery(folder: Path) -> None:
+    for name in GALLERY:
+        with tempfile.TemporaryDirectory() as work:
+            figure = preview(first_session(name, Path(work)))
+            figure.savefig(folder / f"recording_{name.replace(' ', '_').lower()}.png", dpi=55)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("recording", nargs="*", default=list(PANELS))
+    parser.add_argument("--gallery", action="store_true", help="draw the recordings themselves")
     given = parser.parse_args()
+    if given.gallery:
+        gallery(given.folder)
+        return 0
     for name in given.recording:
         with tempfile.TemporaryDirectory() as work:
             found = explain(first_session(name, Path(work)))

@@ -5,6 +5,7 @@ python benchmarks/weight.py --source FOLDER     another checkout, without an ext
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,8 @@ EXTRAS = ("", "[net]", "[page,net]")
 TIMES = 9
 EVERY_NAME = "import gyrocal.api as api; [getattr(api, name) for name in api.__all__]"
 IMPORTS = ("import numpy, scipy", "import gyrocal.api", "from gyrocal.api import Model, Session", EVERY_NAME)
+
+COMMANDS = (("version",), ("--help",), ("compare", "--help"), ("effects",))
 
 
 def environment(folder: Path, source: Path, extra: str) -> Path:
@@ -39,6 +42,18 @@ def seconds(python: Path, statement: str) -> float:
     return min(float(subprocess.check_output([python, "-c", code], text=True, cwd="/")) for _ in range(TIMES))
 
 
+def started(python: Path, words: tuple[str, ...]) -> float:
+    """Processor time of a command of gyrocal from its start to its end, the best of several."""
+    times = []
+    for _ in range(TIMES):
+        process = subprocess.Popen([python.parent / "gyrocal", *words], stdout=subprocess.DEVNULL, cwd="/")
+        _, status, used = os.wait4(process.pid, 0)
+        if status:
+            sys.exit(f"gyrocal {' '.join(words)} failed")
+        times.append(used.ru_utime + used.ru_stime)
+    return min(times)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--source", type=Path)
@@ -54,6 +69,9 @@ def main() -> None:
         took = {statement: seconds(bare, statement) for statement in IMPORTS}
         for statement, second in took.items():
             print(f"| `{statement}` | {second:.2f} | {second / took[IMPORTS[0]]:.1f} |")
+        print("\n| command | processor time, s |\n| --- | ---: |")
+        for words in COMMANDS if source is None else ():
+            print(f"| `gyrocal {' '.join(words)}` | {started(bare, words):.2f} |", flush=True)
 
 
 if __name__ == "__main__":

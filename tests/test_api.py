@@ -1,7 +1,10 @@
 """The Python interface: the README's lines, and what people expect of results in Python and in a notebook."""
 
+import builtins
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+import gyrocal.api
 from gyrocal.api import (
     InputError,
     Model,
@@ -29,6 +33,8 @@ from gyrocal.api import (
     simulate,
 )  # fmt: skip
 from gyrocal.present.output import plus_minus
+
+TABLE2 = files("gyrocal") / "data" / "table2" / "model.toml"
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +97,13 @@ def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Sess
         == results["Comparison"].pooled.rms_dps
     )
     assert results["Diagnosis"].to_dataframe()["effect"][0] == "table_ripple"
+    found = results["Diagnosis"]
+    assert found.to_dataframe()["decision"].to_list() == [c.decision for c in found.candidates]
+    group = tuple(c.effect.id for c in found.candidates[:2])
+    rivals = [replace(c, decision="add", group=group) for c in found.candidates[:2]]
+    open_ = replace(found, verdict="ambiguous", candidates=rivals).to_dataframe()
+    assert open_["decision"].to_list() == ["ambiguous"] * 2
+    assert open_["group"].to_list() == [list(group)] * 2
     assert results["Calibration"].to_dataframe()["scale"].to_list() == [e.scale for e in results["Calibration"]]
     assert results["Explanation"].to_dataframe()["effects"].to_list() == [["table_ripple"]]
     model = results["Model"]
@@ -199,6 +212,10 @@ def test_a_folder_will_do_and_errors_speak_python(session: Session, tmp_path: Pa
 
 WRONG: dict[str, Callable[[Path], Any]] = {
     "most_steps is -1; give": lambda s: explain(s, most_steps=-1),
+    "model is a int; give a Model": lambda s: compare(s, 3),  # type: ignore[arg-type]
+    "frame is a list; give": lambda s: Model.open(str(TABLE2)).correct([1.0]),
+    "reading_dps is one sample": lambda s: Model.open(str(TABLE2)).corrector()([1.0, 2.0]),
+    "methods q: there are": lambda s: calibrate(s, methods="q"),
     "only_day 9: no such day": lambda s: compare(s, only_day=9),
     "methods guess: there are": lambda s: calibrate(s, methods=["guess"]),
     "between drift: give two different effects": lambda s: plan(s, between=["drift"]),
@@ -216,6 +233,26 @@ WRONG: dict[str, Callable[[Path], Any]] = {
     "maps gz_dps=w:rpm: unit": lambda s: imported(s, "gz_dps=w:rpm"),
     "maps gz_dps=w:counts: the unit counts needs lsb_dps": lambda s: imported(s, "gz_dps=w:counts"),
 }
+
+
+def test_no_builtin_is_shadowed() -> None:
+    assert [name for name in gyrocal.api.__all__ if hasattr(builtins, name)] == []
+    for name in gyrocal.api.__all__:
+        assert getattr(gyrocal.api, name) is not None
+    with pytest.deprecated_call(match="now SessionWarning"):
+        assert gyrocal.api.Warning is gyrocal.api.SessionWarning  # type: ignore[attr-defined]
+
+
+def test_one_value_will_do_where_several_are_taken(session: Session) -> None:
+    one, listed = calibrate(session, 6, "baseline"), calibrate(session, [6.0], ["baseline"])  # type: ignore[arg-type]
+    assert [e.to_json() for e in one] == [e.to_json() for e in listed]
+
+
+def test_a_model_corrects_arrays_by_name(session: Session) -> None:
+    frame, model = session.runs[0].table.head(100), Model.open(str(TABLE2))
+    by_name = model.correct({name: frame[name].to_numpy() for name in frame.columns})
+    assert isinstance(by_name, dict)
+    assert by_name["gz_dps"] == pytest.approx(model.correct(frame)["gz_dps"].to_numpy())
 
 
 def imported(session: Path, *maps: str) -> Session:

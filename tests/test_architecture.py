@@ -18,7 +18,7 @@ LAYERS = [
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
     "plausibility", "evidence", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",
-    "calls", "api", "ros_node", "demo", "benchmark", "web", "json_schemas", "commands", "cli", "__main__",
+    "calls", "api", "ros_node", "demo", "benchmark", "web", "json_small", "json_schemas", "commands", "cli", "__main__",
 ]  # fmt: skip
 INNER = {
     "diagnosis": ["residual", "naming", "answer"],

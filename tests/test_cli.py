@@ -76,7 +76,7 @@ def test_compare_json_and_files(session: str, capsys: pytest.CaptureFixture[str]
     found = told(capsys, "compare", session, *files)
     assert set(found) >= COMPARE
     assert found["verdict"] == "misfit"
-    assert set(found["where"][0]) == {"axis", "against", "strength", "note"}
+    assert set(found["where"][0]) == {"axis", "against", "strength", "note", "times_rate"}
     page = (tmp_path / "p.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page

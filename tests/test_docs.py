@@ -17,6 +17,7 @@ from types import ModuleType
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.present import effect_pages
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
@@ -119,6 +120,25 @@ def test_the_site_has_no_broken_link_and_every_page_is_in_its_menu(site: ModuleT
     built = site.PAGES.parent / "site"
     outside = {a for p in built.rglob("*.html") for a in re.findall(r'(?:src|<link[^>]*href)="(https?:[^"]*)"', p.read_text())}
     assert outside == set()
+    assert "google" not in (built / "index.html").read_text(), "fonts are those of the system"
+    gallery = (built / "effects" / "index.html").read_text()
+    assert all(f'src="{kind.id}.svg"' in gallery for kind in effect_pages.kinds())
+    home = (built / "index.html").read_text()
+    assert '"content.code.copy"' in home
+    assert re.search(r'<span class="c1"># the whole story', home), "commands are coloured"
+
+
+def test_commands_are_marked_and_long_sentences_of_transcripts_wrapped(site: ModuleType) -> None:
+    long = "word " * 40
+    commands = "Type:\n\n    gyrocal compare s\n    gyrocal add s\n\nIt says:\n\n"
+    text = f"{commands}    {long}\n    │ {long} │\n\n- a\n\n    make b\n\nEnd\n"
+    marked = site._with_commands_marked(text)
+    assert "Type:\n\n```bash\ngyrocal compare s\ngyrocal add s\n```\n\nIt says:" in marked
+    sentence, row = marked.split("It says:\n\n")[1].split("\n    │")
+    assert all(line.startswith("    ") and len(line) <= site.WIDTH for line in sentence.split("\n"))
+    assert " ".join(sentence.split()) == long.strip()
+    assert row.startswith(f" {long}"), "a row of a table is as wide as it is"
+    assert "- a\n\n    make b\n" in marked, "a block of a list's item is its own"
 
 
 def test_a_link_to_nowhere_is_refused(site: ModuleType) -> None:

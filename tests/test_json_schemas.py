@@ -38,7 +38,7 @@ def fingerprint(verb: str) -> str:
 
 def check(verb: str, answer: Any) -> None:
     jsonschema.validate(answer, schema(verb))
-    if verb not in ("info", "monitor", "train", "benchmark"):  # these say more, by what was asked
+    if verb not in ("monitor", "train", "benchmark"):  # these say more, by what was asked
         jsonschema.validate(answer, closed(schema(verb)))
 
 
@@ -88,13 +88,15 @@ def test_a_schema_that_changed_has_another_version() -> None:
         "calibrate SESSION --method baseline,cnn --seconds 4", "plan SESSION --measure scale --minutes 2",
         "compare SESSION --model MODEL --as-is", "apply SESSION --model MODEL -o corrected",
         "apply SWING --model MODEL --yes -o a.csv",
-        "import SWING new --yes", "info SESSION", "info MODEL", "info SWING", "effects", "allan SESSION", "version",
+        "import SWING new --yes", "info SESSION", "info MODEL", "info SWING",
+        "info ABOVE", "info TRUTH", "effects", "allan SESSION", "version",
         "plot SESSION s.png", "firmware project", "verify --windows 12", "export --model MODEL --format json",
         "export --model MODEL", "compare HELD", "diagnose HELD", "explain HELD", "calibrate HELD", "add g_sensitivity HELD",
     ],
 )  # fmt: skip
 def test_answers_hold_to_their_schema(words: str, session: str, held: str, capsys: pytest.CaptureFixture[str]) -> None:
-    given = {"SESSION": session, "HELD": held, "MODEL": MODEL, "SWING": str(SWING)}
+    given = {"SESSION": session, "HELD": held, "MODEL": MODEL, "SWING": str(SWING), "ABOVE": str(Path(session).parent),
+             "TRUTH": f"{session}.truth.json"}  # fmt: skip
     said = [given.get(word, word) for word in words.split()]
     capsys.readouterr()
     assert main([*said, "--json"]) == 0

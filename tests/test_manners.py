@@ -151,7 +151,7 @@ def test_an_interrupt_inside_a_compiled_module_is_one_line(
         raise ImportError("initialization failed") from KeyboardInterrupt()
 
     monkeypatch.setattr("gyrocal.recording.session.Session.open", interrupted)
-    assert main(["compare", session]) == 1
+    assert main(["compare", session]) == 130
     assert capsys.readouterr().err == "gyrocal: stopped\n"
 
 
@@ -168,4 +168,4 @@ def test_an_interrupt_at_any_time_is_one_line(session: str, after_s: float) -> N
     time.sleep(after_s)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=60)
-    assert (process.returncode, told) in ((1, "gyrocal: stopped\n"), (0, ""))
+    assert (process.returncode, told) in ((130, "gyrocal: stopped\n"), (0, ""))

@@ -85,6 +85,27 @@ def test_allan_of_a_session(session: str, capsys: pytest.CaptureFixture[str]) ->
         assert reason in capsys.readouterr().err
 
 
+def test_allan_states_the_figures_of_a_datasheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """White noise of 50 mdps at 100 Hz, and beside it a walk of the bias, which makes the curve rise again."""
+    rng, n = np.random.default_rng(2), 120_000
+    white, walk = rng.normal(0.0, 0.05, (n, 3)), np.cumsum(rng.normal(0.0, 2e-4, (n, 3)), axis=0)
+    for name, gyro in (("white", white), ("walking", white + walk)):
+        frame = {"t_s": np.arange(n) / 100, **{f"g{a}_dps": gyro[:, i] for i, a in enumerate("xyz")}}
+        Session.from_frames([frame], [{"face": "up", "table_rate_dps": 0.0}]).save(tmp_path / name)
+    found = told(capsys, "allan", str(tmp_path / "white"))["figures"]
+    assert found["noise_density_dps_per_rthz"] == pytest.approx(0.05 / 10, rel=0.03)
+    assert found["angle_random_walk_deg_per_rth"] == pytest.approx(60 * 0.05 / 10, rel=0.03)
+    curve = told(capsys, "allan", str(tmp_path / "walking"))
+    lowest = int(np.argmin(curve["deviation_dps"]))
+    assert (curve["figures"]["at_s"], curve["figures"]["bottom"]) == (curve["tau_s"][lowest], True)
+    assert curve["figures"]["bias_instability_dps"] == pytest.approx(curve["deviation_dps"][lowest] / 0.664, rel=1e-3)
+    assert curve["figures"]["noise_density_dps_per_rthz"] == pytest.approx(0.05 / 10, rel=0.05)
+    assert main(["allan", str(tmp_path / "white")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "angle random walk: 0.299 deg/√h; noise density: 4.99 mdps/√Hz for Kalibr, 7.05 in a datasheet" in said
+    assert "the curve has no certain bottom" in said
+
+
 def test_info_says_what_a_session_holds(session: str, capsys: pytest.CaptureFixture[str]) -> None:
     found, opened = told(capsys, "info", f"{session}/session.toml"), Session.open(session)
     assert found["kind"] == "session"
@@ -114,6 +135,18 @@ def test_info_says_what_a_model_a_plan_and_a_log_hold(
     assert "No such file" in capsys.readouterr().err
 
 
+def test_info_says_what_is_no_recording(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = told(capsys, "info", f"{session}.truth.json")
+    assert (truth["kind"], "runs" in truth["keys"]) == ("json", True)
+    above = str(Path(session).parent)
+    assert told(capsys, "info", above) == {"kind": "sessions", "sessions": ["s"]}
+    assert main(["info", above]) == 0
+    assert "a folder of 1 session: s" in capsys.readouterr().out
+    (tmp_path / "broken.json").write_text("{")
+    assert main(["info", str(tmp_path / "broken.json")]) == 2
+    assert "no JSON" in capsys.readouterr().err
+
+
 def test_plot_draws_a_session_and_a_model(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plot", session, str(tmp_path / "s.png")]) == 0
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
@@ -122,3 +155,18 @@ def test_plot_draws_a_session_and_a_model(session: str, tmp_path: Path, capsys: 
     assert main(["plot", session, str(tmp_path / "s.csv")]) == 2
     assert "give a picture's name" in capsys.readouterr().err
     assert not (tmp_path / "s.csv").exists()
+
+
+def test_plot_draws_the_readings_of_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", str(SWING), "-o", str(tmp_path / "log.png")]) == 0
+    assert (tmp_path / "log.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["plot", str(tmp_path / "none.csv"), "-o", str(tmp_path / "none.png")]) == 2
+    assert "none.csv: No such file" in capsys.readouterr().err
+
+
+def test_add_says_which_of_its_two_arguments_is_not_there(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["none", "warmup"], ["warmup", "none"]):
+        assert main(["add", *words]) == 2
+        assert "none/session.toml: no such file" in capsys.readouterr().err
+    assert main(["add", "warmpu", session]) == 2
+    assert "no effect 'warmpu' (did you mean warmup?)" in capsys.readouterr().err

@@ -4,6 +4,7 @@ import json
 import time
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 
@@ -56,14 +57,91 @@ def test_explain_and_add_keep_a_model_only_where_it_is_asked_for(
     session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["explain", session]) == 0
-    assert "not kept, for want of --model FILE: scale, bias" in capsys.readouterr().out
+    assert "not kept (-o model.toml keeps it): scale, bias" in capsys.readouterr().out
     assert main(["add", "table_ripple", session, "--axis", "z"]) == 0
-    assert "not kept, for want of --model FILE: scale, bias" in capsys.readouterr().out
+    assert "not kept (-o model.toml keeps it): scale, bias" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
     assert main(["add", "table_ripple", session, "--axis", "x", "--model", "m.toml"]) == 2
     assert "--axis x: the effect can be added on z" in capsys.readouterr().err
     assert main(["add", "turn_on_bias", session, "--model", "m.toml"]) == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_out_leaves_the_model_that_is_started_from(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", session, "-o", "first.toml"]) == 0
+    first = Path("first.toml").read_text()
+    assert "table_ripple" in first
+    assert main(["add", session, "misalignment", "--axis", "y", "--model", "first.toml", "-o", "second.toml"]) == 0
+    assert "second.toml: scale, bias" in capsys.readouterr().out
+    assert Path("first.toml").read_text() == first
+    assert "misalignment" in Path("second.toml").read_text()
+    assert main(["add", session, "table_ripple", "--model", "paper", "-o", "third.toml"]) == 0
+    assert "colored_noise" not in Path("third.toml").read_text()
+    for words in (["--model", "paper"], ["-o", "default"], ["--model", "none.toml", "-o", "fourth.toml"]):
+        assert main(["explain", session, *words]) == 2
+    assert "none.toml: no such model" in capsys.readouterr().err
+    assert {p.name for p in tmp_path.iterdir()} == {"first.toml", "second.toml", "third.toml"}
+
+
+def test_compare_of_an_axis_alone(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def asked(*words: str) -> Any:
+        capsys.readouterr()
+        assert main(["compare", session, "--json", *words]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    whole, x, z = asked(), asked("--axis", "x"), asked("--axis", "z", "--residuals", "r.csv")
+    assert (whole["verdict"], x["verdict"], z["verdict"]) == ("misfit", "adequate", "misfit")
+    for one, axis in ((x, "x"), (z, "z")):
+        assert one["per_axis"] == {axis: whole["per_axis"][axis]}
+        assert one["excess_dps"] == whole["per_axis"][axis]["excess_dps"]
+        assert one["where"] == [f for f in whole["where"] if f["axis"] == axis]
+        assert one["parameters"] == [p for p in whole["parameters"] if p["axis"] == axis]
+    assert {line.split(",")[2] for line in Path("r.csv").read_text().splitlines()[1:]} == {"z"}
+    assert main(["compare", session, "--axis", "z"]) == 0
+    assert "all" not in capsys.readouterr().out.split("model:")[0]
+    assert main(["compare", session, "--axis", "q"]) == 2
+    assert "--axis q: want x, y or z" in capsys.readouterr().err
+
+
+def test_diagnose_of_an_axis_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def asked(*words: str) -> Any:
+        capsys.readouterr()
+        assert main(["diagnose", session, "--json", *words]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    whole, x, z = asked(), asked("--axis", "x"), asked("--axis", "z")
+    assert (whole["verdict"], x["verdict"], z["verdict"]) == ("add", "adequate", "add")
+    for one, axis in ((x, "x"), (z, "z")):
+        assert one["candidates"] == [c for c in whole["candidates"] if c["axis"] == axis]
+        assert {a["axis"] for a in one["alternatives"]} <= {axis}
+    assert main(["diagnose", session, "--axis", "x"]) == 0
+    assert "Nothing found of" in capsys.readouterr().out
+
+
+def test_compare_of_an_axis_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "held", "--campaign", "hands", "--scenarios", "16"]) == 0
+    capsys.readouterr()
+    assert main(["compare", "held", "--axis", "y", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found["per_axis"]) == ["y"]
+    assert found["excess_deg"] == found["per_axis"]["y"]["excess_deg"]
+    assert {p["axis"] for p in found["parameters"]} == {"y"}
+    assert main(["diagnose", "held", "--axis", "y", "--json"]) == 0
+    assert {c["axis"] for c in json.loads(capsys.readouterr().out)["candidates"]} == {"y"}
+
+
+def test_whole_runs_are_asked_for_by_all(session: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def asked(seconds: str) -> Any:
+        capsys.readouterr()
+        assert main(["calibrate", session, "--method", "baseline,model", "--seconds", seconds, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)["estimates"]
+
+    found = asked("2,all")
+    assert {round(e["seconds"], 3) for e in found} == {2.0, 6.0}
+    assert [e for e in found if e["seconds"] == 2.0] == asked("2")
+    assert {e["method"] for e in found if e["seconds"] > 2.0} == {"baseline", "model"}
+    assert main(["calibrate", session, "--seconds", "9"]) == 2
+    assert "asked for are the first 9; record longer runs, ask for less, or for --seconds all" in capsys.readouterr().err
 
 
 def test_an_axis_alone(session: str, capsys: pytest.CaptureFixture[str]) -> None:

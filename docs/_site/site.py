@@ -9,11 +9,13 @@ pages alone, without mkdocs.
 from __future__ import annotations
 
 import argparse
+import os
 import posixpath
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import reference
@@ -31,6 +33,16 @@ ELSEWHERE = {
 }
 """Pages outside ``docs/``, by their path in the repository, and where they stand in the site."""
 
+COMMANDS = re.compile(
+    r"(?<=\S)\n\n(?P<block>    (?:gyrocal|pip|make|python|docker|export|pytest|GYROCAL_\w+=)\b.*\n"
+    r"(?:    .*\n|\n(?=    ))*)(?=\n)"
+)
+"""An indented block that begins with a command."""
+ITEM = re.compile(r"\s*(?:[-*]|\d+\.)\s")
+"""The begin of an item of a list, whose blocks are its own."""
+WIDTH = 140
+SENTENCE = re.compile(rf"^    [^│┃┏┗└┌|\s][^│┃|]{{{WIDTH},}}$", re.MULTILINE)
+"""A line of a transcript that is too long, and no row of a table."""
 LINK = re.compile(r"(?<=\]\()(?P<path>[^)\s#]*)(?P<anchor>#[^)\s]*)?(?=\))")
 
 
@@ -42,10 +54,11 @@ def gather(folder: Path) -> None:
     """
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "docs" / "images", folder / "images")
+    shutil.copy(Path(__file__).with_name("site.css"), folder)
     places = _places()
     for source, place in places.items():
         text = (ROOT / source).read_text(encoding="utf-8")
-        _write(folder / place, _turned(text, source, place, places))
+        _write(folder / place, _with_commands_marked(_turned(text, source, place, places)))
     for name, text in effect_pages.pages().items():
         _write(folder / "effects" / name, text)
     _write(folder / "reference" / "commands.md", reference.commands())
@@ -75,6 +88,20 @@ def _turned(text: str, source: str, place: str, places: dict[str, str]) -> str:
     return LINK.sub(turned, text)
 
 
+def _with_commands_marked(text: str) -> str:
+    """The text with its indented blocks of commands fenced as such, which the site colours and lets a reader copy.
+
+    Long sentences in transcripts are wrapped, because a block has no room for more than :data:`WIDTH` characters.
+    """
+
+    def fenced(found: re.Match[str]) -> str:
+        above = found.string[: found.start()].rpartition("\n\n")[2]
+        return found[0] if ITEM.match(above) else f"\n\n```bash\n{textwrap.dedent(found['block'])}```\n"
+
+    text = COMMANDS.sub(fenced, text)
+    return SENTENCE.sub(lambda found: textwrap.fill(found[0], WIDTH, subsequent_indent="    ", break_long_words=False), text)
+
+
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
@@ -87,7 +114,8 @@ def main() -> int:
     gather(PAGES)
     if pages_alone:
         return 0
-    site = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(ROOT / "mkdocs.yml")])
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(ROOT / "mkdocs.yml")]
+    site = subprocess.run(build, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
     if site.returncode == 0:
         print(f"{ROOT / 'build' / 'docs' / 'site' / 'index.html'}")
     return site.returncode

@@ -3,4 +3,4 @@
 The Python interface is :mod:`gyrocal.api`.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -8,11 +8,12 @@ import signal
 from typing import Any
 
 STOPPED = b"gyrocal: stopped\n"
+INTERRUPTED = 130
 
 
 def _stop(*_: Any) -> None:
     os.write(2, STOPPED)
-    os._exit(1)
+    os._exit(INTERRUPTED)
 
 
 def main() -> int:

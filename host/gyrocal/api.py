@@ -17,6 +17,7 @@ A name is imported when it is first used, so that the import of this module itse
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -58,12 +59,12 @@ if TYPE_CHECKING:
     from gyrocal.present import notebook
     from gyrocal.recording.run import Run
     from gyrocal.recording.session import Session
-    from gyrocal.warning import Warning
+    from gyrocal.warning import Warning as SessionWarning
 
 __all__ = [
     "Calibration", "Candidate", "Comparison", "Corrector", "DeviceError", "Diagnosis", "Effect", "Estimate", "Explanation",
-    "Fit", "FormulaEffect", "GyrocalError", "InputError", "Model", "Plan", "Run", "Session", "Term", "Warning", "add",
-    "allan", "apply", "calibrate", "check", "compare", "diagnose", "effects", "explain", "export", "fit",
+    "Fit", "FormulaEffect", "GyrocalError", "InputError", "Model", "Plan", "Run", "Session", "SessionWarning", "Term",
+    "add", "allan", "apply", "calibrate", "check", "compare", "diagnose", "effects", "explain", "export", "fit",
     "import_recording", "load_effects", "notebook", "plan", "residual_table", "simulate",
 ]  # fmt: skip
 
@@ -90,10 +91,12 @@ NAMES = {
     "gyrocal.plausibility": ("check",),
     "gyrocal.recording.run": ("Run",),
     "gyrocal.recording.session": ("Session",),
-    "gyrocal.warning": ("Warning",),
+    "gyrocal.warning": ("SessionWarning",),
 }  # fmt: skip
 """The names by the module that defines them; ``notebook`` is a module itself."""
 MODULE_OF = {name: module for module, names in NAMES.items() for name in names}
+THERE = {"SessionWarning": "Warning"}
+"""Names that are others in their module, where nothing is shadowed."""
 
 shown.exports_by(lambda *args, **options: __getattr__("export")(*args, **options))
 shown.views_from(lambda: import_module("gyrocal.present.notebook"))
@@ -102,9 +105,12 @@ shown.views_from(lambda: import_module("gyrocal.present.notebook"))
 def __getattr__(name: str) -> Any:
     if name == "notebook":
         return import_module("gyrocal.present.notebook")
+    if name == "Warning":
+        warnings.warn("gyrocal.api.Warning is now SessionWarning, and goes in 1.0", DeprecationWarning, stacklevel=2)
+        name = "SessionWarning"
     if name not in MODULE_OF:
         raise AttributeError(f"module 'gyrocal.api' has no attribute {name!r}")
-    value = getattr(import_module(MODULE_OF[name]), name)
+    value = getattr(import_module(MODULE_OF[name]), THERE.get(name, name))
     globals()[name] = value
     return value
 

@@ -49,6 +49,8 @@ METHODS = {"gyrocal": None, "stepwise F-test": "stepwise_f_test", "oracle": "ora
 def benchmark(name: str, *, sample: bool = False, quiet: bool = False, **part: Any) -> dict[str, Any]:
     """Run a benchmark and return what its ``--json`` prints. Unless ``quiet``, show a progress bar on stderr.
 
+    With ``tool``, a Python file, that tool is graded in gyrocal's place (``benchmarks/any_tool.py``).
+
     ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``), which sessions of the
     field benchmark, or the soak's ``hours`` and first ``seed``.
 
@@ -76,8 +78,16 @@ def _module(name: str) -> Any:
     return importlib.import_module(module)
 
 
+def _tools() -> Any:
+    """The module that grades other tools."""
+    _module("edge")  # which makes the folder a package that is found
+    return importlib.import_module("benchmarks.any_tool")
+
+
 def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
+    if "tool" in part:
+        return partial(_tools().run, name=name, **part)
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
             f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers, --scheduler and "
@@ -90,6 +100,9 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
 
 def show(name: str, found: dict[str, Any]) -> None:
     """Print the tables of a benchmark's report."""
+    if "tool" in found:
+        _tools().show(found)
+        return
     if name != "blind":
         _module(name).show(found)
         return

@@ -47,13 +47,24 @@ ARGUMENTS = {
 """Options whose argument has another name."""
 
 
+SEVERAL = re.compile("(Sequence|Iterable)\\[")
+"""What the annotation of an argument begins with that takes several values."""
+
+
 def _in_python(function: Callable[P, R]) -> Callable[P, R]:
-    """The function with errors that name its arguments instead of the command line's options."""
+    """The function with errors that name its arguments instead of the command line's options.
+
+    A single value is taken for several: ``seconds=6``, ``methods="model"``.
+    """
 
     @functools.wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound = inspect.signature(function).bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
+            if isinstance(value, str | int | float) and SEVERAL.match(str(bound.signature.parameters[name].annotation)):
+                bound.arguments[name] = [value]
         try:
-            return function(*args, **kwargs)
+            return function(*bound.args, **bound.kwargs)
         except GyrocalError as error:
             words = FLAG.sub(lambda found: found[1] or ARGUMENTS.get(found[2], found[2].replace("-", "_")), str(error))
             if words == str(error):

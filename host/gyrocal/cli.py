@@ -23,7 +23,7 @@ from gyrocal.errors import GyrocalError, did_you_mean
 
 PACKAGE = "gyrocal.commands"
 INTERRUPTED = 130
-"""The exit code of the argument parser after Ctrl-C."""
+"""The exit code after Ctrl-C, as shells have it, and what the argument parser returns then."""
 ALIASES = {"correct": "apply", "fit": "calibrate", "gui": "workbench"}
 """Other names that people type for a verb."""
 HELP = {"help_option_names": ["-h", "--help"]}
@@ -132,7 +132,7 @@ def root(
 
 
 def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: None) -> int:
-    """Run one command and return its exit code: 0 done, 1 failed, 2 bad usage or input, 3 device or port.
+    """Run one command and return its exit code: 0 done, 2 bad usage or input, 3 device or port, 130 Ctrl-C, 1 else.
 
     ``started`` is called when the command's own file has been imported.
     """
@@ -153,7 +153,7 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
             raise
         return _fail(str(error), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("stopped", 1)
+        return _fail("stopped", INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         return 1
@@ -167,7 +167,7 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
         if hasattr(error, "format_message"):  # the argument parser's own errors
             return _fail(f"{error.format_message()} See: gyrocal {_verb(arguments)}--help", 2)
         if _interrupted(error):
-            return _fail("stopped", 1)
+            return _fail("stopped", INTERRUPTED)
         if debug:
             raise
         return _fail(f"{type(error).__name__}: {error} (run with --debug to see where)", 1)

@@ -23,12 +23,23 @@ from gyrocal.fleet.outliers import Outlier
 from gyrocal.fleet.trend import Trend
 from gyrocal.gravity.aims import Aim
 from gyrocal.gravity.budget import BudgetRow as GravityBudget
+from gyrocal.json_small import (
+    Allan,
+    Axis,
+    Device,
+    Doctor,
+    Effects,
+    Firmware,
+    Info,
+    Number,
+    Plot,
+    Simulate,
+    Train,
+    Version,
+)
 from gyrocal.recording.first_rows import Taken
 from gyrocal.recording.plan_file import PlannedRun
 from gyrocal.warning import Warning
-
-Axis = Literal["x", "y", "z"]
-Number = float | None
 
 
 def derived(kind: type, *without: str, **more: Any) -> Any:
@@ -74,6 +85,7 @@ class Shape(TypedDict):
     against: str
     strength: float
     note: str
+    times_rate: bool
 
 
 class ParameterLine(TypedDict):
@@ -414,7 +426,7 @@ class Export(TypedDict):
     """``export``."""
 
     files: list[str]
-    left: NotRequired[list[Stays]]
+    left: list[Stays]
 
 
 class Verify(TypedDict):
@@ -427,71 +439,6 @@ class Verify(TypedDict):
     integers_max_of_se: float | None
     integers_rms_of_se: float | None
     ok: bool
-
-
-class Train(TypedDict):
-    """``train``: the run's folder, and its metrics."""
-
-    run: str
-
-
-class Allan(TypedDict):
-    """``allan``."""
-
-    axis: Axis
-    tau_s: list[float]
-    deviation_dps: list[float]
-
-
-class EffectParameter(TypedDict):
-    """A parameter of an effect."""
-
-    name: str
-    unit: str
-    typical: list[float]
-    source: str
-
-
-class EffectAnswer(TypedDict):
-    """An effect of the library."""
-
-    effect: str
-    title: str
-    cause: str
-    equation: str
-    parameters: list[EffectParameter]
-    looks_like: str
-    next_measurement: str
-    on_device: bool
-    package: str
-
-
-class Effects(TypedDict):
-    """``effects``."""
-
-    effects: list[EffectAnswer]
-
-
-class Info(TypedDict):
-    """``info``: what else there is depends on ``kind``."""
-
-    kind: Literal["session", "model", "plan", "log"]
-
-
-class Simulated(TypedDict):
-    """A run that was simulated."""
-
-    file: str
-    samples: int
-
-
-class Simulate(TypedDict):
-    """``simulate``."""
-
-    session: str
-    truth: str
-    effects: list[str]
-    runs: list[Simulated]
 
 
 class Before(TypedDict):
@@ -515,59 +462,13 @@ class Benchmark(TypedDict):
     """``benchmark``: the figures of the benchmark that was asked for."""
 
 
-class Device(TypedDict):
-    """``device``."""
-
-    port: str
-
-
-class Plot(TypedDict):
-    """``plot``."""
-
-    file: str
-
-
-class Firmware(TypedDict):
-    """``firmware``."""
-
-    folder: str
-    kind: Literal["project", "library"]
-
-
-class CheckAnswer(TypedDict):
-    """One check of a board; ``ok`` is null where it could not be made."""
-
-    name: str
-    ok: bool | None
-    found: str
-    advice: str
-    imu: int
-
-
-class Doctor(TypedDict):
-    """``doctor``."""
-
-    port: str
-    ok: bool
-    checks: list[CheckAnswer]
-
-
-class Version(TypedDict):
-    """``version``, with the version of every answer."""
-
-    gyrocal: str
-    python: str
-    system: str
-    answers: dict[str, str]
-
-
 ANSWERS: dict[str, tuple[Any, str]] = {
-    "add": (Add, "1.0"), "allan": (Allan, "1.0"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
-    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.0"), "demo": (Demo, "1.2"), "device": (Device, "1.0"),
+    "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.0"),
+    "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
-    "export": (Export, "1.0"),
-    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.0"),
-    "keep": (Keep, "1.0"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
+    "export": (Export, "1.1"),
+    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.2"),
+    "keep": (Keep, "1.1"), "monitor": (Event, "1.0"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.0"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.0"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
     "wifi": (derived(Network, url=str, token=str), "1.0"),
 }  # fmt: skip

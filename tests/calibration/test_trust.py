@@ -242,7 +242,7 @@ def test_runs_that_a_pair_leaves_out_are_told(tmp_path: Path, capsys: pytest.Cap
     pair.with_runs([*pair.runs, *more]).save(tmp_path / "four")
     for folder, options, told in (("two", [], False), ("four", [], True), ("four", ["--method", "model"], False)):
         assert main(["calibrate", str(tmp_path / folder), "--seconds", "6", *options]) == 0
-        assert ("--method model takes all 4." in capsys.readouterr().out) is told
+        assert ("--method model takes all 4, and --seconds all whole ones." in capsys.readouterr().out) is told
 
 
 def test_a_network_claims_its_own_errors_only_where_the_campaign_is_known() -> None:

@@ -215,3 +215,12 @@ def test_a_wide_pulse_once_a_turn_is_no_ripple(aligned: bool) -> None:
     named = {c.effect.id for c in found.candidates if c.decision == "add" and c.axis == "z"}
     assert ("table_ripple" in named) != aligned
     assert any(f.axis == "z" for f in found.comparison.where)
+
+
+@pytest.mark.parametrize(("spec", "named"), [("order_tone:order=3,A_dps=0.03", "order_tone"), ("table_ripple", "table_ripple")])
+def test_over_less_than_two_turns_of_unknown_angle_sizes_tell_a_tone_from_a_ripple(spec: str, named: str) -> None:
+    """A tone was not looked for there, so that a ripple was named in its place."""
+    session, _ = simulate(None, "full", [spec], 4, seconds=4.5)
+    turns = [abs(run.table_rate_dps) * run.duration_s / 360 for run in session.runs if run.table_rate_dps is not None]
+    assert max(turns) < 2
+    assert [(c.effect.id, c.axis) for c in diagnose(session).candidates if c.named] == [(named, "z")]

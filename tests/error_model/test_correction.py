@@ -124,6 +124,15 @@ def test_tables_of_every_kind_give_the_same_rates() -> None:
         model.correct(TRUE_DPS)
 
 
+def test_a_warm_up_is_removed_from_a_table_whose_time_since_power_on_is_said() -> None:
+    model = model_of(("warmup", "z", {"A_dps": 0.05, "tau_s": 20.0}))
+    warm = 0.05 * np.exp(-(T_S + 3.0) / 20.0)
+    frame = {"t_s": T_S, "gx_dps": 0 * T_S, "gy_dps": 0 * T_S, "gz_dps": 30.0 + warm}
+    assert model.correct(frame, power_on_s=3.0)["gz_dps"] == pytest.approx(np.full(T_S.size, 30.0), abs=1e-9)
+    assert model.correct(frame)["gz_dps"] == pytest.approx(30.0 + warm)
+    assert model.correct(np.column_stack(list(frame.values())), power_on_s=3.0)[:, 3] == pytest.approx(30.0, abs=1e-9)
+
+
 def test_a_model_without_values_is_refused() -> None:
     with pytest.raises(InputError, match="no fitted values"):
         correct(Model.builtin("default"), reading(TRUE_DPS))

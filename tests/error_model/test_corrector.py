@@ -100,6 +100,8 @@ def test_what_cannot_be_removed_is_told() -> None:
         "drift": "the model has no value of it on y",
     }  # fmt: skip
     assert repr(corrector).startswith("<Corrector: removes scale, bias, misalignment")
+    one_axis = model_of([("scale", "z", {"scale": 0.01}), ("scale", "x", {}), ("scale", "y", {})]).corrector()
+    assert repr(one_axis) == "<Corrector: removes scale; leaves scale on x, y>"
 
 
 @pytest.mark.parametrize("single", [True, False])

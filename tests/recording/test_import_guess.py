@@ -60,6 +60,20 @@ def test_columns_and_units(table: pl.DataFrame, units: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (["Temperatur [°C]"], "temp_c=Temperatur [°C]:degC"), (["Tdie"], "temp_c=Tdie:degC"), (["die_t"], "temp_c=die_t:degC"),
+        (["Oven [°C]", "temp"], "temp_c=temp:degC"), (["Kp [C]"], None), (["mag [uT]"], None),
+    ],
+)  # fmt: skip
+def test_a_temperature_by_its_name_or_by_its_unit(names: list[str], taken: str | None) -> None:
+    table = columns(["t_s", "gx_dps", "gy_dps", "gz_dps"], 300, 1, 1).with_columns(pl.lit(24.5).alias(name) for name in names)
+    found = [g.map for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("temp_c")]
+    assert found == ([] if taken is None else [taken])
+
+
+
+@pytest.mark.parametrize(
     ("start", "step", "moved_degc", "unit"),
     [
         (2.565e14, 505_403, 60.0, "us"),  # a chamber read twice a second; in ns the temperature would move in 0.2 s

@@ -110,10 +110,10 @@ class _Task:
 
 
 def calibrate(
-    session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
+    session: Session, seconds: Sequence[float | None] | None = None, methods: Iterable[str] | None = None,
     model: Model | str | Path | None = None, warnings: Sequence[Warning] | None = None,
 ) -> list[Estimate]:  # fmt: skip
-    """Scale and bias of every scenario, from the first ``seconds`` of each run.
+    """Scale and bias of every scenario, from the first ``seconds`` of each run; None among them means whole runs.
 
     Without ``seconds``, sessions with up/down pairs are calibrated from 2, 4 and 6 s, others from whole runs. Baseline and
     network need a pair, which is two runs of opposite true rate about one axis. The model method uses any runs that determine
@@ -158,9 +158,9 @@ def calibrate(
     return found
 
 
-def unanswered(session: Session, found: Sequence[Estimate], seconds: Sequence[float] | None = None) -> list[Warning]:
+def unanswered(session: Session, found: Sequence[Estimate], seconds: Sequence[float | None] | None = None) -> list[Warning]:
     """``no_answer``: the scenarios without an estimate, if others have one, and those that lack one from some ``seconds``."""
-    of_seconds = (w for span in seconds or () for w in _unanswered_span(session, found, span))
+    of_seconds = (w for span in seconds or () if span is not None for w in _unanswered_span(session, found, span))
     return [*_unanswered_scenarios(session, found), *of_seconds]
 
 
@@ -205,8 +205,8 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
     asked = [span for span in spans if span is not None]
     if asked and min(asked) > longest_s:
         return (
-            f"the runs are too short: the longest lasts {longest_s:.3g} s, asked for are the first {min(asked):g}; "
-            "record longer runs, or ask for less with --seconds"
+            f"the runs are too short: the longest lasts {longest_s:.4g} s, asked for are the first {min(asked):g}; "
+            "record longer runs, ask for less, or for --seconds all"
         )
     if set(methods) == {"cnn"}:
         if any(consecutive(run) < len(run) for run in session.runs):

@@ -34,18 +34,22 @@ def _load(folder: Path | None) -> Path | None:
     return folder
 
 
-def _writable(model: Path | None) -> Path | None:
-    """Check the file name of a model to write: any name except those of the built-in models."""
-    if str(model) in ("paper", "default"):
+BUILT_IN = ("paper", "default")
+
+
+def start_and_target(model: Path | None, out: Path | None) -> tuple[Path | None, Path | None]:
+    """The model to start from, None for `default`, and the file in which the result is kept, None for none.
+
+    Without ``out`` both are the file of ``--model``, which may be new. Raises InputError where a built-in model would be
+    written.
+    """
+    option, target = ("--out", out) if out is not None else ("--model", model)
+    if str(target) in BUILT_IN:
         from gyrocal.errors import InputError
 
-        raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
-    return model
-
-
-def existing(model: Path | None) -> Path | None:
-    """The model file to start from, or None for `default`."""
-    return model if model is not None and model.exists() else None
+        raise InputError(f"{option} {target}: built in; give the name of a file to write, e.g. -o model.toml")
+    new = out is None and model is not None and not model.exists()
+    return None if new else model, target
 
 
 def want_axis(axis: str | None) -> None:
@@ -58,19 +62,17 @@ def want_axis(axis: str | None) -> None:
 
 
 SessionFolder = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
-ModelFile = Annotated[
-    Path,
-    typer.Option(
-        callback=_writable, help="The model file to which the effects are added. If there is none, it is made from `default`."
-    ),
-]  # fmt: skip
 KeptModel = Annotated[
     Path | None,
     typer.Option(
-        "--model", callback=_writable,
-        help="The model file that gains the effects; made from `default` if it is new. Without it nothing is kept."
+        "--model",
+        help="The model file that gains the effects; made from `default` if it is new. Without it nothing is kept.",
     ),
-]  # fmt: skip
+]
+KeptIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--out", metavar="M.toml", help="Keep the result in this file, and leave that of --model as it is."),
+]
 GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default, or a model file.")]
 OneAxis = Annotated[str | None, typer.Option("--axis", metavar="x|y|z", help="This axis alone.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]

@@ -48,6 +48,10 @@ def run(
     against: Annotated[
         Path | None, typer.Option(metavar="FILE", help="edge: the cases of an earlier --out, compared case by case.")
     ] = None,
+    tool: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.py", help="edge, blind, paper, strangers: grade this tool, which is run, instead."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
@@ -57,7 +61,7 @@ def run(
     asked = {
         "cases_of": cases, "kinds": kind, "limit": limit, "skip": skip, "workers": workers, "scheduler": scheduler,
         "results": results, "hours": hours, "seed": seed,
-        "part": part, "start": start, "stop": stop, "out": out, "against": against,
+        "part": part, "start": start, "stop": stop, "out": out, "against": against, "tool": tool,
     }  # fmt: skip
     given = {key: value for key, value in asked.items() if value not in (None, [])}
     found = benchmark(name, sample=sample, quiet=as_json, **given)

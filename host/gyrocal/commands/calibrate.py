@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def run(
     session: SessionFolder,
-    seconds: Annotated[str | None, typer.Option(help="From the first seconds of each run: 2, or 2,4,6.")] = None,
+    seconds: Annotated[
+        str | None, typer.Option(help="From the first seconds of each run: 2, or 2,4,6; all: from whole runs.")
+    ] = None,
     method: Annotated[str | None, typer.Option(help="baseline, cnn, model, or several with commas.")] = None,
     model: Annotated[
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
@@ -42,10 +44,7 @@ def run(
     from gyrocal.present.output import emit
     from gyrocal.recording.session import Session
 
-    try:
-        spans = None if seconds is None else [float(s) for s in seconds.split(",")]
-    except ValueError:
-        raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
+    spans = _spans(seconds)
     want_axis(axis)
     methods = None if method is None else [m.strip() for m in method.split(",")]
     if out is not None and not history:
@@ -94,7 +93,18 @@ def _tell_of_other_runs(session: "Session", found: "Sequence[Estimate]", asked: 
     of_pairs = {e.scenario for e in found} if by_pairs else set()
     most = max((len(runs) for scenario, runs in session.by_scenario() if scenario in of_pairs), default=0)
     if most > 2:
-        stdout.print(f"These answers are of two recordings of a power cycle; --method model takes all {most}.")
+        more = f"--method model takes all {most}, and --seconds all whole ones"
+        stdout.print(f"These answers are of two recordings of a power cycle; {more}.")
+
+
+def _spans(seconds: str | None) -> list[float | None] | None:
+    """The seconds of ``--seconds``, None for ``all``. Raises InputError for other words."""
+    from gyrocal.errors import InputError
+
+    try:
+        return None if seconds is None else [None if s.strip() == "all" else float(s) for s in seconds.split(",")]
+    except ValueError:
+        raise InputError(f"--seconds {seconds}: a number of seconds, several with commas, or all") from None
 
 
 def _show(found: "Sequence[Estimate]", warnings: "Sequence[Warning]") -> None:

@@ -5,12 +5,13 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder, want_pictures
+from gyrocal.commands import AsJson, GivenModel, OneAxis, OwnEffects, SessionFolder, want_axis, want_pictures
 
 
 def run(
     session: SessionFolder,
     model: GivenModel = None,
+    axis: OneAxis = None,
     as_is: Annotated[
         bool, typer.Option("--as-is", help="Keep the file's parameters: does the model still hold, and which have moved?")
     ] = False,
@@ -35,15 +36,18 @@ def run(
             raise InputError(f"{target}: no such folder to write into")
         if target is not None and target != pictures and target.is_dir():
             raise InputError(f"{target}: a folder; give the name of a file in it")
+    want_axis(axis)
     want_pictures(html, pictures)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_compare
 
-        show_compare(opened, model, residuals, html or pictures, as_json, as_is)
+        show_compare(opened, model, residuals, html or pictures, as_json, as_is, axis)
         return
     with working(as_json) as say:
         found = compare(opened, model, as_is=as_is, progress=say)
+        if axis is not None:
+            found = found.on(axis)
         if residuals is not None:
             write_residuals(found, residuals)
         if html is not None:

@@ -4,12 +4,13 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, GivenModel, OneAxis, OwnEffects, SessionFolder, want_axis
 
 
 def run(
     session: SessionFolder,
     model: GivenModel = None,
+    axis: OneAxis = None,
     formula: Annotated[
         list[str] | None, typer.Option(metavar="[NAME:] FORMULA", help="Try a formula of your own too; may be repeated.")
     ] = None,
@@ -22,14 +23,17 @@ def run(
     from gyrocal.present.report import print_diagnosis
     from gyrocal.recording.session import Session
 
+    want_axis(axis)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_diagnose
 
-        show_diagnose(opened, session, model, formula or (), as_json)
+        show_diagnose(opened, session, model, formula or (), as_json, axis)
         return
     with working(as_json) as say:
         found = diagnose(opened, model, formulas=formula or (), progress=say)
+    if axis is not None:
+        found = found.on(axis)
     if as_json:
         emit(found.to_json())
     else:

@@ -5,13 +5,14 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, KeptModel, OwnEffects, SessionFolder, existing, want_pictures
+from gyrocal.commands import AsJson, KeptIn, KeptModel, OwnEffects, SessionFolder, start_and_target, want_pictures
 from gyrocal.policy import POLICY
 
 
 def run(
     session: SessionFolder,
     model: KeptModel = None,
+    out: KeptIn = None,
     most_steps: Annotated[int, typer.Option("--max", metavar="N", help="Stop after this many steps.")] = POLICY.most_steps,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the whole explanation as one page.")] = None,
     effects: OwnEffects = None,
@@ -19,7 +20,7 @@ def run(
 ) -> None:
     """Find and add every missing effect that is certain, and state what stays open.
 
-    The model is kept in the file of --model; without it nothing is written.
+    The model is kept in the file of --out, or of --model; without them nothing is written.
     """
     from gyrocal.diagnosis.answer.explain import explain
     from gyrocal.present.explanation import print_explanation, write_explanation
@@ -27,19 +28,20 @@ def run(
     from gyrocal.recording.session import Session
 
     want_pictures(html)
+    start, target = start_and_target(model, out)
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_explain
 
-        show_explain(opened, session, model, most_steps, html, as_json)
+        show_explain(opened, session, start, target, most_steps, html, as_json)
         return
     with working(as_json) as say:
-        found = explain(opened, existing(model), most_steps=most_steps, progress=say)
-    if found.verdict != "implausible" and model is not None:
-        found.model.save(model)
+        found = explain(opened, start, most_steps=most_steps, progress=say)
+    if found.verdict != "implausible" and target is not None:
+        found.model.save(target)
     if html is not None:
         write_explanation(html, found)
     if as_json:
         emit(found.to_json())
     else:
-        print_explanation(found, session, model)
+        print_explanation(found, session, target)

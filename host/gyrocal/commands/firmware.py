@@ -17,7 +17,7 @@ def run(
     ] = None,
     part_file: Annotated[
         Path | None,
-        typer.Option(help="The configuration file that a BMI270 needs: Bosch's bmi270.c, or its bytes (docs/board.md)."),
+        typer.Option(help="The configuration file that a BMI270 needs: Bosch's bmi270.c, or its bytes."),
     ] = None,
     library: Annotated[
         bool, typer.Option("--library", help="Write a library for Arduino, PlatformIO, ESP-IDF or CMake in place of a project.")

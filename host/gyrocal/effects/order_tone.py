@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.earth_rate import may_be_in_plane
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
-from gyrocal.effects.wave import ONE_RATE, TableWave, Tone
+from gyrocal.effects.wave import LEAST_RUNS, ONE_RATE, TableWave, Tone
 from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
 from gyrocal.noise.spectrum import LOWEST_HZ
 from gyrocal.parameter import POSITIVE
@@ -123,10 +123,11 @@ def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -
 
 
 def _few_turns(runs: Sequence[Run], axis: int) -> bool:
-    """True if the runs turn too little for a spectrum over the angle, and their angle is known all the same."""
+    """True if the runs turn too little for a spectrum over the angle, and their angle or several rates show a tone yet."""
     turning = [r for r in runs if _turns(r)]
     known = all(r.column("table_angle_deg") is not None for r in turning)
-    return known and _swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+    shown = known or (len(turning) >= LEAST_RUNS and told_from_frequency(runs, FEW_TURNS))
+    return shown and _swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
 
 
 @once

@@ -63,20 +63,32 @@ def correct(model: Model, run: Run, bias_dps: Mapping[str, float] | None = None)
     raise InputError(f"{run.file}: the model's errors are too large to be undone; check the model's values")
 
 
-def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
-    """Remove the model's effects from a table and return a table of the same kind, with corrected accelerations if it can.
+def correct_frame(
+    model: Model, frame: Any, bias_dps: Mapping[str, float] | None = None, power_on_s: float | None = None
+) -> Any:
+    """Remove the model's effects from a table and return one of its kind; accelerations are corrected if it can.
 
-    ``frame`` is a polars or pandas table with the columns of a session's table (``t_s``, ``gx_dps``, ``gy_dps``, ``gz_dps`` and
-    optional ones), or an array [n, 4] of time in s and rates in deg/s. Raises InputError for a table without these columns.
+    ``frame`` is a polars or pandas table, or a dict of arrays, with the columns of a session's table (``t_s``, ``gx_dps``,
+    ``gy_dps``, ``gz_dps`` and optional ones), or an array [n, 4] of time in s and rates in deg/s. Raises InputError for
+    anything else.
+
+    ``power_on_s`` is the time from power-on to the first row, s; without it what depends on that, as a warm-up, stays.
     """
     if isinstance(frame, np.ndarray):
         if frame.ndim != 2 or frame.shape[1] != 4:
             raise InputError(f"the array has the shape {frame.shape}; give [n, 4]: t_s, gx_dps, gy_dps, gz_dps")
         table = pl.DataFrame(frame, schema=["t_s", *RATES])
-        return np.column_stack([frame[:, 0], correct(model, run_of(table, "array"), bias_dps).rate_dps])
+        return np.column_stack([frame[:, 0], correct(model, run_of(table, "array", power_on_s), bias_dps).rate_dps])
+    if isinstance(frame, Mapping):
+        given = pl.DataFrame({name: np.asarray(values) for name, values in frame.items()})
+        by_name = correct_frame(model, given, bias_dps, power_on_s)
+        return {name: by_name[name].to_numpy() for name in by_name.columns}
+    if not hasattr(frame, "columns"):
+        kinds = "a polars or pandas table, a dict of arrays, or an array [n, 4]"
+        raise InputError(f"frame is a {type(frame).__name__}; give {kinds}")
     pandas = not isinstance(frame, pl.DataFrame)
     table = pl.DataFrame({name: np.asarray(frame[name]) for name in frame.columns}) if pandas else frame
-    done = correct(model, run_of(table, "table"), bias_dps)
+    done = correct(model, run_of(table, "table", power_on_s), bias_dps)
     columns = [pl.Series(name, done.rate_dps[:, i]) for i, name in enumerate(RATES)]
     columns += [] if model.accelerometer is None else model.accelerometer.corrected(table)
     if pandas:
@@ -84,7 +96,7 @@ def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None
     return table.with_columns(columns)
 
 
-def run_of(frame: pl.DataFrame, name: str) -> Run:
+def run_of(frame: pl.DataFrame, name: str, power_on_s: float | None = None) -> Run:
     """A table outside a session as a run whose true rate only its own columns know.
 
     Raises InputError if a column is missing or invalid.
@@ -96,7 +108,7 @@ def run_of(frame: pl.DataFrame, name: str) -> Run:
     table = frame.select(pl.col(known).cast(pl.Float64))
     seconds = float(table["t_s"][-1] - table["t_s"][0]) if table.height > 1 else 0.0
     rate_hz = (table.height - 1) / seconds if seconds > 0 else 1.0
-    return Run(0, name, "s000", "up", "z", None, None, None, None, rate_hz, frame=table)
+    return Run(0, name, "s000", "up", "z", None, None, None, power_on_s, rate_hz, frame=table)
 
 
 def left_at_rest_dps(model: Model, run: Run) -> Array:

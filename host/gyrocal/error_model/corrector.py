@@ -48,6 +48,9 @@ class Corrector:
             raise InputError(f"bias_dps has the axis {strange[0]!r}; give it by x, y and z")
         self.left = {term.effect_id: why for term in model.terms if (why := _why_left(term))}
         used = [term for term in model.terms if not _why_left(term)]
+        self._left_on = [
+            f"{id_} on {', '.join(t.axis for t in model.terms if t.effect_id == id_ and _why_left(t))}" for id_ in self.left
+        ]
         self.applied = list(dict.fromkeys(term.effect_id for term in used))
         self._accelerometer = model.accelerometer
         self._temp_c = model.fitted_on.temp_c or (-math.inf, math.inf)
@@ -91,7 +94,10 @@ class Corrector:
             size = term(0.0, temp_c, power_on_s, acc_g)
             if size == size:  # not NaN
                 error[axis] += size
-        x, y, z = reading_dps
+        try:
+            x, y, z = reading_dps
+        except (TypeError, ValueError):
+            raise InputError("reading_dps is one sample: three rates, about x, y and z; batch() takes many") from None
         x, y, z = x - error[0], y - error[1], z - error[2]
         a, b, c, d, e, f, g, h, i = self._inverse
         w = (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
@@ -116,7 +122,9 @@ class Corrector:
     def acceleration(self, reading_g: ArrayLike) -> Array:
         """True accelerations [3] or [n, 3], g, in the frame of the corrected rates. Raises InputError if the model has none."""
         if self._accelerometer is None:
-            raise InputError("the model has no accelerometer; fit one to a session by hand (docs/hands.md)")
+            raise InputError(
+                "the model has no accelerometer; fit one to a session by hand (`gyrocal record --hands` or `import --gravity`)"
+            )
         return self._accelerometer.correct(reading_g)
 
     def batch(
@@ -156,7 +164,7 @@ class Corrector:
         raise InputError(_too_large(reading[moving][0]))
 
     def __repr__(self) -> str:
-        left = f", leaves {', '.join(self.left)}" if self.left else ""
+        left = f"; leaves {', '.join(self._left_on)}" if self.left else ""
         return f"<Corrector: removes {', '.join(self.applied)}{left}>"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -77,6 +78,8 @@ class Model(Shown):
             return source
         if source is None:
             return Model.builtin("default")
+        if not isinstance(source, str | os.PathLike):
+            raise InputError(f"model is a {type(source).__name__}; give a Model, paper, default, or a model file")
         path = Path(source)
         if str(source) in ("paper", "default"):
             return Model.builtin(str(source))
@@ -98,6 +101,10 @@ class Model(Shown):
     def on(self, axis: str) -> list[Term]:
         """The terms on one axis."""
         return [t for t in self.terms if t.axis == axis]
+
+    def about(self, axis: str) -> Model:
+        """The terms and the noise of one axis alone."""
+        return replace(self, terms=tuple(self.on(axis)), noise={a: noise for a, noise in self.noise.items() if a == axis})
 
     def noise_on(self, axis: str) -> AxisNoise:
         """The noise of one axis."""
@@ -208,11 +215,11 @@ class Model(Shown):
         kept = tuple(t for t in self.terms if not (t.effect_id == effect_id and axis in (None, t.axis)))
         return replace(self, terms=kept)
 
-    def correct(self, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
+    def correct(self, frame: Any, bias_dps: Mapping[str, float] | None = None, power_on_s: float | None = None) -> Any:
         """Remove the model's effects from a table of readings; see :func:`gyrocal.error_model.correction.correct_frame`."""
         from gyrocal.error_model.correction import correct_frame
 
-        return correct_frame(self, frame, bias_dps)
+        return correct_frame(self, frame, bias_dps, power_on_s)
 
     def corrector(self, bias_dps: Mapping[str, float] | None = None) -> Corrector:
         """What corrects single samples, or arrays of them, as they come; see :class:`gyrocal.error_model.corrector.Corrector`.

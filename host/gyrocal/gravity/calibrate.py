@@ -49,7 +49,7 @@ class Calibration:
 
 
 def calibrate(
-    session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
+    session: Session, seconds: Sequence[float | None] | None = None, methods: Iterable[str] | None = None,
     model: Model | str | Path | None = None,
 ) -> Calibration:  # fmt: skip
     """Scale and bias of each scenario, or of all together (scenario ``all``) if none has enough rests by itself.

@@ -14,7 +14,7 @@ from gyrocal import plausibility, tails
 from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.residual.angles import Level
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.judged import Judged
+from gyrocal.diagnosis.residual.judged import Judged, on_axis
 from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
@@ -56,6 +56,14 @@ class Comparison(Judged):
     def own_axis(self) -> str:
         """The session's axis."""
         return self.fit.scene.session.axis
+
+    def on(self, axis: str) -> Comparison:
+        """The comparison on one axis alone: the movements that mainly turn about it, and what its readings leave."""
+        return replace(
+            self, fit=replace(self.fit, model=self.fit.model.about(axis)), pooled=self.per_axis[axis],
+            per_axis={axis: self.per_axis[axis]}, where=on_axis(self.where, axis), warnings=on_axis(self.warnings, axis),
+            moved=None if self.moved is None else on_axis(self.moved, axis),
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         return {

@@ -14,6 +14,7 @@ from gyrocal.diagnosis.answer.diagnose import verdict_on
 from gyrocal.diagnosis.answer.explain import Concluded
 from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.naming.decision import proven
+from gyrocal.diagnosis.residual.judged import on_axis
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model, Term
@@ -47,6 +48,11 @@ class Diagnosis(Shown):
             return None
         first = self.comparison.where[0]
         return {"axis": first.axis, "against": first.against, "shape": first.note, "amplitude_deg": first.amplitude_dps}
+
+    def on(self, axis: str) -> Diagnosis:
+        """The diagnosis of one axis alone."""
+        comparison, candidates = self.comparison.on(axis), on_axis(self.candidates, axis)
+        return Diagnosis(verdict_on(comparison, candidates), candidates, comparison)
 
     def to_json(self) -> dict[str, Any]:
         return {

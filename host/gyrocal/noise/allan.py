@@ -8,6 +8,8 @@ Ornstein-Uhlenbeck drift with standard deviation s and correlation time T has th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +45,52 @@ def allan_deviation(series: Sequence[Array], rate_hz: float, factors: Sequence[i
             times.append(m / rate_hz)
             deviations.append(np.sqrt(total / (2 * m**2 * count)))
     return np.array(times), np.array(deviations)
+
+
+WHITE = -0.5, 0.1
+"""The slope of white noise over averaging times, both in logarithms, and how far a slope may be from it."""
+FLOOR = float(np.sqrt(2 * np.log(2) / np.pi))
+"""Allan deviation of flicker noise over its coefficient, the bias instability (IEEE Std 952-1997)."""
+WELL_KNOWN = 0.1
+"""Up to this part of the longest averaging time, a deviation is known to about a tenth."""
+
+
+@dataclass(frozen=True)
+class AllanFigures:
+    """What a datasheet states of a gyroscope's noise, read off its Allan deviation.
+
+    ``noise_density_dps`` is that of white noise, dps/sqrt(Hz), two-sided as Kalibr takes it: a datasheet's is larger by the
+    root of 2. It is None where no stretch of the curve falls like white noise. ``bias_instability_dps`` is the lowest deviation
+    over 0.664, at the averaging time ``at_s``; without a ``bottom`` of the curve where it is well known, the true one is lower.
+    """
+
+    noise_density_dps: float | None
+    bias_instability_dps: float
+    at_s: float
+    bottom: bool
+
+    @property
+    def angle_random_walk_deg(self) -> float | None:
+        """The same white noise as an angle random walk, deg/sqrt(h)."""
+        return None if self.noise_density_dps is None else 60 * self.noise_density_dps
+
+    @staticmethod
+    def of(taus_s: Array, deviations_dps: Array) -> AllanFigures | None:
+        """The figures of a curve [k]; None of fewer than three points."""
+        if taus_s.size < 3:
+            return None
+        slope = np.gradient(np.log(deviations_dps), np.log(taus_s))
+        known = taus_s <= WELL_KNOWN * taus_s[-1]
+        white = (np.abs(slope - WHITE[0]) < WHITE[1]) & known
+        density = float(np.median(deviations_dps[white] * np.sqrt(taus_s[white]))) if white.any() else None
+        lowest = int(np.argmin(deviations_dps))
+        return AllanFigures(density, float(deviations_dps[lowest]) / FLOOR, float(taus_s[lowest]), bool(known[lowest]))
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "noise_density_dps_per_rthz": self.noise_density_dps, "angle_random_walk_deg_per_rth": self.angle_random_walk_deg,
+            "bias_instability_dps": self.bias_instability_dps, "at_s": self.at_s, "bottom": self.bottom,
+        }  # fmt: skip
 
 
 STEADY, STILL_DPS = 0.03, 1.0

@@ -71,7 +71,18 @@ def _index() -> str:
         "from the effect's file in `host/gyrocal/effects/` or `host/gyrocal/noise/`: `make docs` makes them again.", "",
         "| id | effect | adds to the reading |", "| --- | --- | --- |", *rows, "",
         f"Symbols: {SYMBOLS}", "",
+        "## How each looks", "",
+        CAPTION, "",
+        '<div class="gallery" markdown>', "",
+        *(line for kind in kinds() for line in (_card(kind), "")),
+        "</div>", "",
     ])  # fmt: skip
+
+
+def _card(kind: Described) -> str:
+    """An effect in the gallery: its picture, its name, and what else looks like it."""
+    picture = f"[![signature of {kind.id}]({kind.id}.svg)]({kind.id}.md)"
+    return f"{picture} **{kind.title}.** What else looks like it: {_linked(kind)}."
 
 
 def _page(kind: Described) -> str:

@@ -38,7 +38,7 @@ from gyrocal.units import RateUnit, number_of, unit_of
 
 
 def show_calibration(
-    session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool,
+    session: Session, seconds: Sequence[float | None] | None, methods: Sequence[str] | None, model: str | None, as_json: bool,
     axis: str | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a session by gravity and print the result, as JSON if asked."""
@@ -47,12 +47,15 @@ def show_calibration(
 
 
 def show_compare(
-    session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool, as_is: bool = False
+    session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool, as_is: bool = False,
+    axis: str | None = None,
 ) -> None:
     """Compare a session by gravity and print the result. Raises InputError if a page or pictures are wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; use --residuals for a table of movements")
     found = (compare_as_is if as_is else comparison.compare)(session, model)
+    if axis is not None:
+        found = found.on(axis)
     if residuals is not None:
         frame = comparison.residual_table(found)
         try:
@@ -63,21 +66,26 @@ def show_compare(
     emit(found.to_json()) if as_json else print_comparison(found)
 
 
-def show_diagnose(session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool) -> None:
+def show_diagnose(
+    session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool, axis: str | None = None
+) -> None:
     """Diagnose a session by gravity and print the result, as JSON if asked."""
     found = diagnosis.diagnose(session, model, formulas)
+    if axis is not None:
+        found = found.on(axis)
     emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
 
 
 def show_add(
-    session: Session, effect: str, model: Path | None, only_day: int | None, as_json: bool, axis: str | None = None
+    session: Session, effect: str, start: Path | None, target: Path | None, only_day: int | None, as_json: bool,
+    axis: str | None = None,
 ) -> None:
     """Raise InputError for ``--heldout-day``, because the movements of all units are judged."""
     if only_day is not None:
         raise InputError(f"--heldout-day {only_day}: a session by gravity is judged on all its movements; leave the option out")
-    before, after = diagnosis.add(session, _existing(model), effect, axis=axis)
-    if model is not None:
-        after.fit.model.save(model)
+    before, after = diagnosis.add(session, start, effect, axis=axis)
+    if target is not None:
+        after.fit.model.save(target)
     if as_json:
         warnings = [w.to_json() for w in before.warnings]
         emit({"before": before.to_json(), "after": after.to_json(), "warnings": warnings})
@@ -87,19 +95,19 @@ def show_add(
         stdout.print(before.note, style="bold", markup=False)
     rows = [angle_row("before", before.pooled), angle_row("after", after.pooled)]
     table("Held-out angle between movements and gravity, deg", ANGLES, rows)
-    stdout.print(f"{model or NOT_KEPT}: {', '.join(after.fit.model.ids)}")
+    stdout.print(f"{target or NOT_KEPT}: {', '.join(after.fit.model.ids)}")
     stdout.print(headline(after), style="bold", markup=False)
 
 
 def show_explain(
-    session: Session, path: Path, model: Path | None, most_steps: int, page: Path | None, as_json: bool
+    session: Session, path: Path, start: Path | None, target: Path | None, most_steps: int, page: Path | None, as_json: bool
 ) -> None:
     """Raise InputError if a page is wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; leave --html out")
-    found = diagnosis.explain(session, _existing(model), most_steps)
-    if found.verdict != "implausible" and model is not None:
-        found.model.save(model)
+    found = diagnosis.explain(session, start, most_steps)
+    if found.verdict != "implausible" and target is not None:
+        found.model.save(target)
     if as_json:
         emit(found.to_json())
         return
@@ -110,17 +118,13 @@ def show_explain(
     ]  # fmt: skip
     if rows:
         table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
-    print_diagnosis(found.last, path, None if model is None else str(model))
+    print_diagnosis(found.last, path, None if target is None else str(target))
     if found.verdict != "implausible":
-        stdout.print(f"{model or NOT_KEPT}: {', '.join(found.model.ids)}")
+        stdout.print(f"{target or NOT_KEPT}: {', '.join(found.model.ids)}")
     if found.verdict == "adequate" and found.steps:
         compared = found.last.comparison.to_json()
         text = left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")
         stdout.print(text, style="bold", markup=False)
-
-
-def _existing(model: Path | None) -> Path | None:
-    return model if model is not None and model.exists() else None
 
 
 def headline(c: Comparison) -> str:
@@ -140,7 +144,8 @@ def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
     scene = c.fit.scene
     stdout.print(f"{_rests_and_movements(scene)}; rests begin at {_begins(scene)} s")
-    table("", ANGLES, [*(angle_row(f"about {axis}", v) for axis, v in c.per_axis.items()), angle_row("all", c.pooled)])
+    together = [angle_row("all", c.pooled)] if len(c.per_axis) > 1 else []
+    table("", ANGLES, [*(angle_row(f"about {axis}", v) for axis, v in c.per_axis.items()), *together])
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.note:
         stdout.print(c.note, markup=False)
@@ -234,7 +239,7 @@ def print_accelerometer(scene: Scene, title: str) -> None:
             plus_minus(1e3 * found.bias_g[i], 1e3 * found.bias_se_g[i]), ", ".join(cross) or "-",
         ])  # fmt: skip
     table(title, ["axis:", "scale %", "bias mg", "reads of another axis, %:"], rows)
-    stdout.print(f"misfit of its rests {misfit:.2f}: 1 is adequate; its x axis is an axis of the frame (docs/hands.md)")
+    stdout.print(f"misfit of its rests {misfit:.2f}: 1 is adequate; its x axis is an axis of the frame")
 
 
 def _shares(rows: Sequence[BudgetRow], unit: RateUnit) -> list[list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import asdict
 from pathlib import Path
@@ -24,13 +25,34 @@ PLAN = "gyrocal-plan"
 
 
 def holds(source: Path) -> dict[str, Any]:
-    """What lies there; ``kind`` is session, model, plan or log. Raises InputError if it is none of these."""
+    """What lies there; ``kind`` is session, sessions, model, plan, json or log. Raises InputError if it is none of these."""
     path = folder_of(source)
+    inside = _sessions_in(path)
+    if inside:
+        return {"kind": "sessions", "sessions": inside}
+    if path.suffix == ".json" and path.is_file():
+        return _json(path)
     if not is_log(path):
         return _session(Session.open(path))
     if path.suffix == ".toml":
         return _plan(path) if _format(path).startswith(PLAN) else _model(Model.open(path))
     return _log(path)
+
+
+def _sessions_in(path: Path) -> list[str]:
+    """The names of the sessions in a folder that is none itself, as ``fleet fit`` and ``calibrate --history`` take it."""
+    if not path.is_dir() or (path / "session.toml").is_file():
+        return []
+    return sorted(p.name for p in path.iterdir() if (p / "session.toml").is_file())
+
+
+def _json(path: Path) -> dict[str, Any]:
+    """A truth of ``simulate``, or what a verb printed with ``--json``."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (*UNREADABLE, ValueError) as error:
+        raise InputError(f"{path}: no JSON: {error}") from None
+    return {"kind": "json", "keys": sorted(content) if isinstance(content, dict) else []}
 
 
 def _format(path: Path) -> str:
@@ -92,6 +114,11 @@ def print_held(source: Path, found: dict[str, Any]) -> None:
         if found["accelerometer"] is not None:
             rows += _accelerometer_rows(found["accelerometer"])
         table("", ["effect:", "axis:", "parameter:", "value"], rows)
+    elif kind == "sessions":
+        stdout.print(f"{source}: a folder of {number_of(len(found['sessions']), 'session')}: {', '.join(found['sessions'])}")
+        stdout.print("Several boards: gyrocal fleet fit. One board over months: gyrocal calibrate --history.")
+    elif kind == "json":
+        stdout.print(f"{source}: JSON with the keys {', '.join(found['keys']) or '(none)'}; no recording and no model")
     elif kind == "plan":
         stdout.print(f"{source}: a plan of {number_of(len(found['runs']), 'run')}")
         names = list(found["runs"][0]) if found["runs"] else []

@@ -87,9 +87,16 @@ def _diagnosis_words(found: Diagnosis) -> str:
 
 
 def _diagnosis_table(found: Diagnosis | gravity_diagnosis.Diagnosis) -> pl.DataFrame:
-    """One row for each candidate, best first."""
-    keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
-    return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
+    """One row for each candidate, best first; one that would be added but cannot be told from its group is ``ambiguous``."""
+    keys = (
+        "effect", "axis", "decision", "probability", "heldout_gain", "heldout_gain_se", "q_value", "explained", "group",
+        "next_measurement",
+    )  # fmt: skip
+    rows = []
+    for c in found.candidates:
+        told = c.to_json() | ({"decision": "ambiguous"} if c.decision == "add" and not c.named else {})
+        rows.append({key: told[key] for key in keys})
+    return _table(rows)
 
 
 def _diagnosis_figure(found: Diagnosis | gravity_diagnosis.Diagnosis) -> Figure:

@@ -22,7 +22,7 @@ from gyrocal.units import part_unit
 from gyrocal.variables.base import Variable, variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps
+from gyrocal.variables.shapes import Columns, ShapeOfEachRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,7 +89,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
     richer model, whose residual is drawn on top.
     """
     variable = variables()[finding.against](comparison.fit.session.about(finding.axis).runs)
-    of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
+    of_rate = finding.times_rate
     each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
     own = finding.shape if isinstance(finding.shape, Columns) and finding.shape.label else None
     figure, axes = framed(8, 3.2)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gyrocal.present.figure import new_figure
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import Run, Session
 from gyrocal.units import CELSIUS
 
 if TYPE_CHECKING:
@@ -39,8 +39,7 @@ def preview(session: Session) -> Figure:
                 values = run.column(name)
                 if values is not None:
                     axes.plot(t_s, values[::step], color=f"C{color}", linewidth=0.7, label=name if start_s == 0 else None)
-        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} dps"
-        said = f"{run.file}\n{run.face}, axis {run.axis}, {known}"
+        said = f"{run.file}\n{run.face}, axis {run.axis}, {_true_rate(run)}"
         grid[0].annotate(said, (t_s[0], 1), xycoords=("data", "axes fraction"), fontsize=6, va="bottom")
         start_s += run.duration_s
         for axes in grid:
@@ -51,6 +50,15 @@ def preview(session: Session) -> Figure:
         axes.margins(x=0.01)
     grid[-1].set_xlabel("time, runs one after another, s")
     return figure
+
+
+def _true_rate(run: Run) -> str:
+    """What is known of the true rate, in a word or two."""
+    if run.table_rate_dps is not None:
+        return f"{run.table_rate_dps:g} dps"
+    if run.turn_deg is not None:
+        return f"{run.turn_deg:g} deg"
+    return "a reference" if any(name.startswith(("rate_ref", "ref_")) for name in run.table.columns) else "rate not known"
 
 
 def draw(session: Session, path: Path) -> None:

@@ -139,7 +139,8 @@ def judged_rows(c: Comparison) -> list[list[str]]:
 def print_comparison(c: Comparison) -> None:
     """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
-    table(judged_by(c), level_columns(c), judged_rows(c))
+    rows = judged_rows(c)
+    table(judged_by(c), level_columns(c), rows[: len(c.per_axis)] if len(c.per_axis) == 1 else rows)
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
@@ -315,7 +316,7 @@ def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) 
     return effect.told(values, shown) or ", ".join(named)
 
 
-NOT_KEPT = "not kept, for want of --model FILE"
+NOT_KEPT = "not kept (-o model.toml keeps it)"
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path | None) -> None:

@@ -37,7 +37,7 @@ ACCELERATION = (
     r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|gf|g_f|"
     r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?|fb"
 )
-TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
+TEMPERATURE = r"t|t_?(?:die|chip|imu|sensor)|die_?t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 MAGNETIC = r"mag|(?:^|[/._ ])[uµμn]_?t$"
 """Words of a magnetic field, whose unit ends with a T as temperatures' names do."""
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
@@ -315,12 +315,19 @@ def _runs_forward(t_s: Array) -> bool:
     return float(np.sum(steps < 0)) < BACK * float(np.sum(steps > 0))
 
 
+def _is_temperature(name: str, by_unit: bool = True) -> bool:
+    """True for a column that is named as a temperature, or whose unit is one of temperatures alone (°C, and not C)."""
+    bare, unit = bare_name(name)
+    named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:/scalar)?(?:[ _.-]?(?:c|deg_?c|celsius|k|f))?"
+    if bare in ("t", "time") or re.search(MAGNETIC, bare):
+        return False
+    stated = by_unit and len(unit) > 1 and any(re.fullmatch(words, unit) for words in UNIT_WORDS["temp_c"].values())
+    return stated or bool(re.fullmatch(named, bare))
+
+
 def _temperature(source: Source) -> Guess | None:
-    for name in source.frame.columns:
-        bare, _ = bare_name(name)
-        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:/scalar)?(?:[ _.-]?(?:c|deg_?c|celsius|k|f))?"
-        if bare in ("t", "time") or re.search(MAGNETIC, bare) or not re.fullmatch(named, bare):
-            continue
+    columns = filter(_is_temperature, source.frame.columns)
+    for name in sorted(columns, key=lambda name: not _is_temperature(name, by_unit=False)):
         values = values_of(source, name)
         if not values.size:
             continue

@@ -94,6 +94,9 @@ class SessionFile(BaseModel):
 WHAT_IT_IS = "a session is a folder with session.toml and a table a run"
 
 
+MOST_NAMED = 5
+
+
 def folder_of(path: Path) -> Path:
     """A session's folder, given as such or by its ``session.toml``."""
     return path.parent if path.name == "session.toml" and path.is_file() else path
@@ -104,6 +107,10 @@ def read_header(folder: Path) -> SessionFile:
     path = folder / "session.toml"
     if folder.is_file():
         raise InputError(f"{folder}: not a folder; {WHAT_IT_IS}; `gyrocal import` makes one of a recording")
+    inside = sorted(p.parent.name for p in folder.glob("*/session.toml"))
+    if inside and not path.exists():
+        there = ", ".join(inside[:MOST_NAMED])
+        raise InputError(f"{folder}: a folder of sessions ({there}); name one of them, such as {folder / inside[0]}")
     raw = read_toml(path, f"no such file; {WHAT_IT_IS}, as `gyrocal import`, `record` and `simulate` make", "a session")
     if raw.get("format") != FORMAT:
         raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")

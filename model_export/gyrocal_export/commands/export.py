@@ -54,7 +54,7 @@ def run(
     written = [str(path) for path in write_all(out, contents)]
     if as_json:
         listed = [{"effect": effect, "why": why} for effect, why in left.items()]
-        print(json.dumps({"files": written} | ({} if target == "header" else {"left": listed})))
+        print(json.dumps({"files": written, "left": listed}))
         return
     print("\n".join([*written, *(f"left out: {effect} ({why})" for effect, why in left.items())]))
 

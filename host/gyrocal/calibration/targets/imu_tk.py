@@ -22,7 +22,10 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
     """The texts of both files. Raises InputError for a model without an accelerometer, which defines the frame."""
     acc = model.accelerometer
     if acc is None:
-        raise InputError("--format imu_tk holds an accelerometer too, which comes with a session by hand (docs/hands.md)")
+        raise InputError(
+            "--format imu_tk holds an accelerometer too, which comes with a session by hand: `gyrocal record --hands` or "
+            "`gyrocal import --gravity`, then `gyrocal explain`"
+        )
     rotation, upper = np.linalg.qr(acc.correction)
     signs = np.sign(np.diag(upper))
     into = (rotation * signs).T

@@ -20,6 +20,7 @@ from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.naming.probability import OnAxis, decided, with_probabilities
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.judged import on_axis
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
@@ -47,6 +48,14 @@ class Diagnosis(Shown):
     def best(self) -> Candidate | None:
         """The first candidate that may be added, a sure one before those that cannot be told apart, or None."""
         return next((c for c in self.candidates if c.decision == "add"), None)
+
+    def on(self, axis: str) -> Diagnosis:
+        """The diagnosis of one axis alone. Raises InputError if the model does not cover it."""
+        comparison, candidates = self.comparison.on(axis), on_axis(self.candidates, axis)
+        verdict = verdict_on(comparison, candidates)
+        unknown = _unknown(comparison) if verdict == "unknown" else None
+        alternatives, tested = on_axis(self.alternatives, axis), on_axis(self.tested, axis)
+        return Diagnosis(verdict, candidates, unknown, comparison, alternatives, tested)
 
     def to_json(self) -> dict[str, Any]:
         return {

@@ -8,7 +8,7 @@ integrated readings are held against it at each sample, since the slope of an en
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -106,6 +106,10 @@ class Angles:
             power = max(measured_angle_noise_deg(fitted.session, name) ** 2 - end_noise_deg(axis) ** 2 / 2, 0.0)
             noise[name] = of_gyroscope + samples / max(len(of_gyroscope), 1) * power * np.eye(len(of_gyroscope))
         return Angles(table, bool(folds), noise, of_samples=True)
+
+    def on(self, axis: str) -> Angles:
+        """The angles about one axis alone."""
+        return replace(self, table=self.table.filter(pl.col("axis") == axis), noise={axis: self.noise[axis]})
 
     def level(self, *axes: str) -> Level:
         """The level of these axes together; all axes if none is given."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gyrocal import plausibility, tails
 from gyrocal.diagnosis.residual.angles import Angles, by_angle
@@ -18,7 +18,7 @@ from gyrocal.diagnosis.residual.beyond_errors import beyond_errors
 from gyrocal.diagnosis.residual.bounded_noise import bounded
 from gyrocal.diagnosis.residual.drawn_size import described, described_again, drawn_power, most_visible, variance
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.judged import Judged
+from gyrocal.diagnosis.residual.judged import Judged, on_axis
 from gyrocal.diagnosis.residual.levels import (
     Cleaned,
     Floor,
@@ -48,7 +48,7 @@ from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import FIRST_S, registered
 from gyrocal.recording.registration import ReferenceParameter
-from gyrocal.recording.session import AXES, Session
+from gyrocal.recording.session import AXES, Axis, Session
 from gyrocal.threads import each, one_thread
 from gyrocal.units import rate_text
 from gyrocal.warning import Warning
@@ -121,6 +121,20 @@ class Comparison(Judged):
     def own_axis(self) -> str:
         """The session's axis."""
         return self.fit.session.axis
+
+    def on(self, axis: str) -> Comparison:
+        """The comparison on one axis, as if the session were about it. Raises InputError if the model does not cover it."""
+        if axis not in self.per_axis:
+            raise InputError(f"--axis {axis}: the model covers {', '.join(self.per_axis)}")
+        told, likeliest = self.fit.on(axis), self.likeliest.on(axis)
+        session = replace(told.session, axis=cast(Axis, axis))
+        return replace(
+            self, fit=replace(told, session=session, model=told.model.about(axis)), likeliest=likeliest,
+            pooled=self.per_axis[axis], per_axis={axis: self.per_axis[axis]},
+            where=on_axis(self.where, axis), warnings=on_axis(self.warnings, axis),
+            moved=None if self.moved is None else on_axis(self.moved, axis),
+            angles=None if self.angles is None else self.angles.on(axis),
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from gyrocal.inference.blocks import BLOCK_S
-from gyrocal.variables.shapes import Shape
+from gyrocal.variables.shapes import Shape, Steps
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,11 @@ class Finding:
     """Signal-to-noise ratio in standard deviations, if ``strength`` is limited by the reference of the test."""
     band_hz: tuple[float, float] | None = field(default=None, repr=False, compare=False)
     """The lowest and the highest frequency of a finding against the frequency, Hz."""
+
+    @property
+    def times_rate(self) -> bool:
+        """True if the shape is proportional to the true rate."""
+        return isinstance(self.shape, Steps) and self.shape.times_rate
 
     @property
     def above_blocks(self) -> bool:

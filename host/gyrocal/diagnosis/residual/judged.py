@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol, TypeVar
 
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.shown import Shown
 from gyrocal.warning import Warning
+
+
+class _OfAxis(Protocol):
+    @property
+    def axis(self) -> str | None: ...
+
+
+OfAxis = TypeVar("OfAxis", bound=_OfAxis)
 
 
 class Judged(Shown):
@@ -34,4 +43,12 @@ class Judged(Shown):
 
     def where_json(self) -> list[dict[str, Any]]:
         """The findings, as the commands print them."""
-        return [{"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note} for f in self.where]
+        return [
+            {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note, "times_rate": f.times_rate}
+            for f in self.where
+        ]
+
+
+def on_axis(listed: Iterable[OfAxis], axis: str) -> list[OfAxis]:
+    """Those of one axis, and those of all axes."""
+    return [each for each in listed if each.axis in (axis, None)]

@@ -46,7 +46,8 @@ def read(
     if end == 0:
         raise InputError(f"{path}: the file is empty")
     if b"\0" in data[:HEAD_BYTES]:
-        raise InputError(f"{path}: not a text, and of no known format; docs/importing.md lists them")
+        known = "CSV, Parquet, .npz, .mat, a ROS bag, MCAP, ULog"
+        raise InputError(f"{path}: not a text, and of no known format ({known}); save it as one of these")
     if row := long_line(data, end):
         why = layouts.why_no_table([data[:HEAD_BYTES].decode("utf-8", errors="replace")], option)
         raise InputError(f"{path}: row {row}: more than {LONGEST_LINE} bytes in one line ({why})")

@@ -25,7 +25,7 @@ from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.rate import TURNS
 from gyrocal.variables.reading import Reading
-from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps, TableWave
+from gyrocal.variables.shapes import Columns, ShapeOfEachRun, TableWave
 from gyrocal.web.values.residual_plots import ChangeOfRate, opened_by, panels
 from gyrocal.web.values.views import Place
 
@@ -115,8 +115,7 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
     apart = isinstance(finding.shape, ShapeOfEachRun)
-    of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
-    part = part_unit(finding.note) if of_rate else None
+    part = part_unit(finding.note) if finding.times_rate else None
     if len(own) < 2:
         return Place(opened_by(finding.against), about_means=apart, part=part)
     best = max(own, key=lambda p: _visible(of[p.key(finding.axis)], of[finding.axis]))
