@@ -8,7 +8,8 @@
  *     power                      a fresh device; what it stored is still there
  *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset, bad_tags, stuck_mass; brownout happens once
  *     drop N                     the next N sentences find no room
- *     store on|off|fails
+ *     store on|fails|torn        torn: half of a record is written, and the write then fails
+ *     wear                       prints the records that were written since the last `wear`, and their bytes
  *     cut N PERCENT              the power fails in the Nth store from now, after so much of it; then nothing until `power`
  *     line on                    INT1 is wired
  *     busy SECONDS               the board does something else
@@ -41,6 +42,9 @@ static struct {
     char data[4096];
     size_t n;
 } kept[6];
+static struct {
+    unsigned long records, bytes;
+} written;
 static uint32_t lcg = 1;
 static double chip_clock = 1.0;
 
@@ -106,13 +110,18 @@ static int store(void *context, const char *key, const void *data, size_t n) {
     for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
         if (store_mode != 'f' && n <= sizeof kept[i].data && (kept[i].n == 0 || strcmp(kept[i].key, key) == 0)) {
             const bool fails = cut > 0 && --cut == 0;
-            const size_t written = fails ? n * (size_t)cut_percent / 100u : n;
+            const size_t done = fails ? n * (size_t)cut_percent / 100u : store_mode == 't' ? n / 2u : n;
             strcpy(kept[i].key, key);
-            memcpy(kept[i].data, data, written);
-            kept[i].n = written > kept[i].n ? written : kept[i].n;
+            memcpy(kept[i].data, data, done);
+            kept[i].n = done > kept[i].n ? done : kept[i].n;
             if (fails) {
                 longjmp(power_lost, 1);
             }
+            if (store_mode == 't') {
+                return -1;
+            }
+            written.records++;
+            written.bytes += n;
             printf("# store %s\n", key);
             return 0;
         }
@@ -256,6 +265,12 @@ static bool obey(char *line) {
     }
     if (sscanf(line, "store %7s", word) == 1) {
         store_mode = word[0];
+        return true;
+    }
+    if (strncmp(line, "wear", 4) == 0) {
+        printf("# wear %lu %lu\n", written.records, written.bytes);
+        written.records = 0;
+        written.bytes = 0;
         return true;
     }
     if (strncmp(line, "line on", 7) == 0) {

@@ -56,6 +56,10 @@ EXPECTED = {
     "clock_jump": Expected("net_gap", "missed"),
     "power_loss": Expected(host="device restarted"),
     "stuck_mass": Expected(host="`$TST` with `passed=0`"),
+    "unheard": Expected(host="samples_lost"),
+    "hang": Expected(host="device restarted"),
+    "supply": Expected(host="device restarted"),
+    "flash_fails": Expected("store_failed"),
 }
 LASTING = [name for name, expected in EXPECTED.items() if expected.lasts]
 PASSING = [name for name in EXPECTED if name not in LASTING]

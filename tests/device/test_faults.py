@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.device.faults import LASTING, OF_FIFO, check_faults, fault_names, random_faults
+from gyrocal.device.faults import LASTING, OF_BOARD, OF_FIFO, check_faults, fault_names, random_faults
 from gyrocal.device.port import Link
 from gyrocal.device.record import Recorder, Report
 from gyrocal.device.simulated import SimulatedDevice
@@ -82,7 +82,7 @@ def test_a_seed_gives_the_same_passing_faults_each_time(require_tool: Callable[[
     for faults in drawn:
         check_faults(faults)
     names = {fault.split("@")[0] for faults in drawn for fault in faults}
-    assert names == set(fault_names()) - {*LASTING, OF_FIFO}
+    assert names == set(fault_names()) - {*LASTING, *OF_BOARD, OF_FIFO}
     assert OF_FIFO in {fault.split("@")[0] for seed in range(40) for fault in random_faults(f"random:{seed}", fifo=12)}
     with pytest.raises(InputError, match="random:SEED"):
         random_faults("random:-1")

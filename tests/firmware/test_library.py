@@ -72,6 +72,24 @@ def test_calibrate(sketch: Callable[[str, list[str], float], str], part: str) ->
     assert answer.real("scale") == pytest.approx((UP[0] - DOWN[0]) * 0.00875 / 156 - 1, abs=5 * (answer.real("scale_se") or 0))
 
 
+@pytest.mark.parametrize("on_s", [3, 10])
+def test_calibrate_with_nobody_at_the_usb_connector(sketch: Callable[[str, list[str], float], str], on_s: int) -> None:
+    """From power-on into the first run of a pair, or the second one."""
+    runs = [*turn(0, UP), "1 > start up", "1 > stream raw", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop"]
+    text = sketch("Calibrate", ["0 chip 0", "0 listen off", *runs, f"{on_s} listen on", f"{on_s} > status"], 17)
+    said = sentences(text)
+    numbers = [s.seq for s in said]
+    assert numbers == sorted(set(numbers))
+    lost = numbers[-1] + 1 - len(numbers)
+    assert lost > 100
+    (status,) = [s for s in said if s.tag == "ACK" and s.fields["cmd"] == "status"]
+    assert status.t_us < 1e6 * on_s + 50_000
+    assert int(next(s for s in said if s.tag == "STA").fields["lost"]) == lost
+    assert [s.fields["missed"] for s in said if s.tag == "RUN" and s.fields["state"] == "end"][-1] == "0"
+    baseline = [s for s in sentences(text, "CAL") if s.fields["method"] == "baseline"]
+    assert baseline[-1].real("seconds") == 6.0
+
+
 def test_corrected_stream(sketch: Callable[[str, list[str], float], str]) -> None:
     source = (LIBRARY / "examples/CorrectedStream/CorrectedStream.ino").read_text()
     scale, bias_dps = (float(re.search(rf"{name}\[3\] = .* ([-.\d]+)\}}", source)[1]) for name in ("SCALE", "BIAS_DPS"))  # type: ignore[index]

@@ -18,30 +18,35 @@
 static const struct {
     const char *name;
     const char *means;
-    double length_s; /* by default; INFINITY: permanent from power-on */
+    double length_s; /* by default; INFINITY: it lasts */
+    bool from_power_on; /* by default */
 } kinds[FAULT_KINDS] = {
-    [FAULT_NACK] = {"nack", "the sensor does not answer for 0.2 s", 0.2},
-    [FAULT_WRONG_ID] = {"wrong_id", "another part answers", INFINITY},
-    [FAULT_STALE] = {"stale", "no new samples for 0.3 s", 0.3},
-    [FAULT_BROWNOUT] = {"brownout", "the registers fall back to their defaults", 0.0},
-    [FAULT_STUCK_BIT] = {"stuck_bit", "bit 2 of the rates is always 1", INFINITY},
-    [FAULT_RESET_TIMEOUT] = {"reset_timeout", "the part does not come out of reset", INFINITY},
-    [FAULT_BAD_TAGS] = {"bad_tags", "the FIFO's words come damaged for 0.3 s; needs --fifo", 0.3},
-    [FAULT_BUSY] = {"busy", "the board does something else for 3 s", 3.0},
-    [FAULT_STUCK_BUS] = {"stuck_bus", "the data line is held low for 0.3 s: bytes read 0, writes do nothing", 0.3},
-    [FAULT_SHORT_READ] = {"short_read", "each transfer gives one byte too few for 0.2 s", 0.2},
-    [FAULT_FROZEN] = {"frozen", "the reading does not change for 1 s, with data-ready", 1.0},
-    [FAULT_REPEATED] = {"repeated", "every second sample is the one before it, for 2 s", 2.0},
-    [FAULT_SPIKES] = {"spikes", "one reading in 50 is 17143 counts (150 dps at 250 dps full scale) too high, for 1 s", 1.0},
-    [FAULT_CLIPPING] = {"clipping", "the rate reads full scale for 0.2 s", 0.2},
-    [FAULT_TABLE_OFF] = {"table_off", "the table turns 20 percent faster than it should", INFINITY},
-    [FAULT_EARLY_FLIP] = {"early_flip", "the sensor is turned over before its run has ended", 0.0},
-    [FAULT_REVERSED_MOUNT] = {"reversed_mount", "the sensor is mounted upside down", INFINITY},
-    [FAULT_GARBLED] = {"garbled", "one line in four comes with a damaged byte, for 1 s", 1.0},
-    [FAULT_BUFFER_FULL] = {"buffer_full", "the output takes nothing for 0.5 s", 0.5},
-    [FAULT_CLOCK_JUMP] = {"clock_jump", "the board's clock jumps ahead by 0.5 s", 0.5},
-    [FAULT_POWER_LOSS] = {"power_loss", "the power goes while the board writes its flash, and comes back", 0.0},
-    [FAULT_STUCK_MASS] = {"stuck_mass", "the sensor's self-test moves nothing", INFINITY},
+    [FAULT_NACK] = {"nack", "the sensor does not answer for 0.2 s", 0.2, false},
+    [FAULT_WRONG_ID] = {"wrong_id", "another part answers", INFINITY, true},
+    [FAULT_STALE] = {"stale", "no new samples for 0.3 s", 0.3, false},
+    [FAULT_BROWNOUT] = {"brownout", "the registers fall back to their defaults", 0.0, false},
+    [FAULT_STUCK_BIT] = {"stuck_bit", "bit 2 of the rates is always 1", INFINITY, true},
+    [FAULT_RESET_TIMEOUT] = {"reset_timeout", "the part does not come out of reset", INFINITY, true},
+    [FAULT_BAD_TAGS] = {"bad_tags", "the FIFO's words come damaged for 0.3 s; needs --fifo", 0.3, false},
+    [FAULT_BUSY] = {"busy", "the board does something else for 3 s", 3.0, false},
+    [FAULT_STUCK_BUS] = {"stuck_bus", "the data line is held low for 0.3 s: bytes read 0, writes do nothing", 0.3, false},
+    [FAULT_SHORT_READ] = {"short_read", "each transfer gives one byte too few for 0.2 s", 0.2, false},
+    [FAULT_FROZEN] = {"frozen", "the reading does not change for 1 s, with data-ready", 1.0, false},
+    [FAULT_REPEATED] = {"repeated", "every second sample is the one before it, for 2 s", 2.0, false},
+    [FAULT_SPIKES] = {"spikes", "one reading in 50 is 17143 counts (150 dps at 250 dps full scale) too high, for 1 s", 1.0, false},
+    [FAULT_CLIPPING] = {"clipping", "the rate reads full scale for 0.2 s", 0.2, false},
+    [FAULT_TABLE_OFF] = {"table_off", "the table turns 20 percent faster than it should", INFINITY, true},
+    [FAULT_EARLY_FLIP] = {"early_flip", "the sensor is turned over before its run has ended", 0.0, false},
+    [FAULT_REVERSED_MOUNT] = {"reversed_mount", "the sensor is mounted upside down", INFINITY, true},
+    [FAULT_GARBLED] = {"garbled", "one line in four comes with a damaged byte, for 1 s", 1.0, false},
+    [FAULT_BUFFER_FULL] = {"buffer_full", "the output takes nothing for 0.5 s", 0.5, false},
+    [FAULT_CLOCK_JUMP] = {"clock_jump", "the board's clock jumps ahead by 0.5 s", 0.5, false},
+    [FAULT_POWER_LOSS] = {"power_loss", "the power goes while the board writes its flash, and comes back", 0.0, false},
+    [FAULT_STUCK_MASS] = {"stuck_mass", "the sensor's self-test moves nothing", INFINITY, true},
+    [FAULT_UNHEARD] = {"unheard", "nobody reads the USB port until 3 s: it takes 4 KiB and then nothing", 3.0, true},
+    [FAULT_HANG] = {"hang", "the board's program hangs, and its watchdog starts it again after 10 s", 0.0, false},
+    [FAULT_SUPPLY] = {"supply", "the board's supply breaks down, and it starts again", 0.0, false},
+    [FAULT_FLASH_FAILS] = {"flash_fails", "the flash writes half of a record and fails", INFINITY, true},
 };
 
 static const char *parse_number(const char **text, double least, double most, double *value) {
@@ -71,7 +76,7 @@ const char *faults_add(faults_t *faults, const char *specification) {
     const char *wrong = NULL;
     double times = 1.0;
     fault.length_s = kinds[fault.kind].length_s;
-    fault.at_s = isinf(fault.length_s) && *text == '\0' ? -INFINITY : FROM_S;
+    fault.at_s = kinds[fault.kind].from_power_on ? -INFINITY : FROM_S;
     if (*text == '@') {
         text++;
         wrong = parse_number(&text, 0.0, LONGEST_S, &fault.at_s);
@@ -101,19 +106,24 @@ bool faults_has(const faults_t *faults, fault_kind_t kind) {
     return false;
 }
 
+/* A fault that is there from power-on counts its length from the first sample. */
+static double counted_from_s(const fault_t *fault) {
+    return isinf(fault->at_s) ? 0.0 : fault->at_s;
+}
+
 static double beginning_s(const fault_t *fault, unsigned time) {
-    return time == 0u ? fault->at_s : fault->at_s + time * (fault->length_s + APART_S);
+    return time == 0u ? fault->at_s : counted_from_s(fault) + time * (fault->length_s + APART_S);
+}
+
+static double end_s(const fault_t *fault, unsigned time) {
+    return counted_from_s(fault) + fault->length_s + (time == 0u ? 0.0 : time * (fault->length_s + APART_S));
 }
 
 bool faults_on(const faults_t *faults, fault_kind_t kind, double t_s) {
     for (unsigned i = 0; i < faults->n; i++) {
         const fault_t *fault = &faults->fault[i];
         for (unsigned k = 0; fault->kind == kind && k < fault->times; k++) {
-            const double from_s = beginning_s(fault, k);
-            if (t_s >= from_s && t_s < from_s + fault->length_s) {
-                return true;
-            }
-            if (isinf(fault->length_s) && t_s >= from_s) {
+            if (t_s >= beginning_s(fault, k) && t_s < end_s(fault, k)) {
                 return true;
             }
         }

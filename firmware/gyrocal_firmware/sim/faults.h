@@ -1,7 +1,7 @@
 /* Determines which faults are active at a time, from specifications NAME[@T][:LENGTH][*TIMES].
  *
- * T and LENGTH are in seconds. T counts from the first sample of the first run, across power cycles; without it a passing fault
- * begins at 1 s and a lasting one at power-on. Repetitions are one second apart.
+ * T and LENGTH are in seconds. T counts from the first sample of the first run, across power cycles; without it a fault
+ * begins at 1 s or, if it is of that kind, at power-on, and its LENGTH then counts from the first sample. Repetitions are one second apart.
  */
 #ifndef FAULTS_H
 #define FAULTS_H
@@ -36,6 +36,10 @@ typedef enum {
     FAULT_CLOCK_JUMP,
     FAULT_POWER_LOSS,
     FAULT_STUCK_MASS,
+    FAULT_UNHEARD,
+    FAULT_HANG,
+    FAULT_SUPPLY,
+    FAULT_FLASH_FAILS,
     FAULT_KINDS
 } fault_kind_t;
 

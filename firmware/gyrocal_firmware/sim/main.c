@@ -26,6 +26,8 @@
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
 #define FLASH_US 5000u   /* duration of a write */
+#define WATCHDOG_US 10000000u
+#define USB_BYTES 4096u  /* that a port holds for a reader who does not come */
 #define FASTEST_SINGLE_HZ 833.0f
 #define BENCH_NOISE_DPS 0.045
 #define BENCH_NOISE_ACC 20.0 /* counts */
@@ -34,6 +36,7 @@ typedef struct {
     options_t options;
     rows_t rows;
     uint64_t now_us; /* since power-on; only waits and bus transfers advance it */
+    uint64_t awake_us; /* the end of the last wait for a sample */
     emul_t part;
     gc_device_t device;
 
@@ -55,7 +58,7 @@ typedef struct {
     uint64_t paced_us; /* virtual time and */
     double wall_s;     /* real time that belong together */
 
-    char rest[GC_WIRE_MAX]; /* of a sentence that was taken in part */
+    char rest[USB_BYTES + GC_WIRE_MAX]; /* what was taken and is not written: of a sentence, and while nobody reads */
     size_t rest_n;
     bool stdin_open;
 } sim_t;
@@ -114,6 +117,13 @@ static void misbehave(sim_t *sim) {
     }
     if (begins(sim, FAULT_BUSY, &length_s)) {
         move_to(sim, sim->now_us + (uint64_t)(1e6 * length_s));
+    }
+    if (begins(sim, FAULT_HANG, &length_s)) {
+        move_to(sim, sim->now_us + WATCHDOG_US);
+        longjmp(sim->power_lost, 1);
+    }
+    if (begins(sim, FAULT_SUPPLY, &length_s)) {
+        longjmp(sim->power_lost, 1);
     }
 }
 
@@ -197,13 +207,17 @@ static void skip_missed_rows(sim_t *sim) {
 
 /* During a run a sample is due when its row is, whatever the device's timer says: each row is read once, at its time. Of
    the FIFO a batch is due when the device says so, but not after the last row. */
-static void wait_sample_us(void *context, uint64_t due_us) {
-    sim_t *sim = context;
+static void wait_for_row(sim_t *sim, uint64_t due_us) {
     due_us = of_board(sim, due_us);
+    const uint64_t wakes_us = sim->options.sleep_us > 0u ? sim->awake_us + sim->options.sleep_us : 0u;
+    due_us = due_us > wakes_us ? due_us : wakes_us;
     if (emul_batches(&sim->part)) {
         const uint64_t last_us = in_run(sim) ? sim->base_us + sim->rows_end[-1].t_us : due_us;
         move_to(sim, due_us < last_us ? due_us : last_us);
         return;
+    }
+    if (wakes_us > 0u) {
+        move_to(sim, wakes_us);
     }
     do {
         skip_missed_rows(sim);
@@ -214,6 +228,12 @@ static void wait_sample_us(void *context, uint64_t due_us) {
         move_to(sim, next_row_us(sim));
     } while (sim->now_us > next_row_us(sim));
     feed_row(sim);
+}
+
+static void wait_sample_us(void *context, uint64_t due_us) {
+    sim_t *sim = context;
+    wait_for_row(sim, due_us);
+    sim->awake_us = sim->now_us;
 }
 
 static uint64_t now_us(void *context) {
@@ -279,6 +299,14 @@ static int send(void *context, const char *data, size_t n) {
     if (is_on(sim, FAULT_BUFFER_FULL)) {
         return 0;
     }
+    if (is_on(sim, FAULT_UNHEARD)) {
+        const bool fits = sim->rest_n + n <= USB_BYTES;
+        if (fits) {
+            memcpy(sim->rest + sim->rest_n, data, n);
+            sim->rest_n += n;
+        }
+        return fits ? (int)n : 0;
+    }
     if (is_on(sim, FAULT_GARBLED) && n <= sizeof line) {
         memcpy(line, data, n);
         faults_garble(&sim->options.faults, line, n);
@@ -303,17 +331,19 @@ static int send(void *context, const char *data, size_t n) {
 
 /* ---- flash ---- */
 
-/* If the power fails during the write, half of the bytes are written and the board's program stops. */
+/* If the power fails during the write, half of the bytes are written and the board's program stops. So many are written too of a
+   record that the flash then refuses. */
 static int store(void *context, const char *key, const void *data, size_t n) {
     sim_t *sim = context;
     double length_s;
     sim->now_us += FLASH_US;
     const bool lost = begins(sim, FAULT_POWER_LOSS, &length_s);
-    const int error = flash_write(&sim->flash, key, data, lost ? n / 2u : n);
+    const bool fails = is_on(sim, FAULT_FLASH_FAILS);
+    const int error = flash_write(&sim->flash, key, data, lost || fails ? n / 2u : n);
     if (lost) {
         longjmp(sim->power_lost, 1);
     }
-    return error;
+    return fails ? -1 : error;
 }
 
 static int load(void *context, const char *key, void *data, size_t n) {
@@ -367,6 +397,7 @@ static double clock_of(const sim_t *sim, double rate_hz) {
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run) {
     sim->past_us += sim->now_us;
     sim->now_us = 0;
+    sim->awake_us = 0;
     sim->jumped_us = sim->options.clock_us;
     sim->options.faults.turned_over = false;
     pace_from_here(sim);
@@ -489,6 +520,17 @@ static void lie_on_bench(sim_t *sim, const gc_device_config_t *config) {
     }
 }
 
+/* Faults that show by what is in flash after them. */
+static bool has_flash(const faults_t *faults) {
+    static const fault_kind_t of_flash[] = {FAULT_POWER_LOSS, FAULT_HANG, FAULT_SUPPLY, FAULT_FLASH_FAILS};
+    for (size_t i = 0; i < sizeof of_flash / sizeof of_flash[0]; i++) {
+        if (faults_has(faults, of_flash[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static int stdout_flags;
 
 static void restore_stdout(void) {
@@ -529,7 +571,7 @@ int main(int argc, char **argv) {
         .wait_sample_us = wait_sample_us,
         .send = send,
         /* Otherwise each power cycle begins with empty flash. */
-        .store = options->bench || faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
+        .store = options->bench || has_flash(&options->faults) ? store : NULL,
         .load = load,
         .part_file = part_file,
         .restart = options->bench ? restart : NULL,

@@ -50,6 +50,11 @@ static const char *parse_option(options_t *options, const char *name, const char
         if (gc_parse_real(value, strlen(value), &options->idle_s) != GC_OK || !(options->idle_s >= 0.0)) {
             return "--idle takes a number of seconds";
         }
+    } else if (strcmp(name, "--sleep") == 0) {
+        if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > 60000u) {
+            return "--sleep takes milliseconds, 60000 at most";
+        }
+        options->sleep_us = 1000u * number;
     } else if (strcmp(name, "--clock") == 0) {
         if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > UINT64_MAX / 2u) {
             return "--clock takes microseconds";

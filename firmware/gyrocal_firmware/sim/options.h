@@ -10,7 +10,7 @@
 
 #define OPTIONS_USAGE                                                                                                    \
     "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] [--bench] [--idle S] "               \
-    "[--clock US] [--seq N] [--sensor NAME|list] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
+    "[--sleep MS] [--clock US] [--seq N] [--sensor NAME|list] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
     const char *path; /* path of the ROWS file */
@@ -20,6 +20,7 @@ typedef struct {
     const emul_kind_t *sensor; /* LSM6DSO if not given, and */
     const gc_part_t *driver;   /* its driver's part, and */
     const gc_part_t *told;     /* that part where the id would tell another; else NULL */
+    uint64_t sleep_us; /* the core does not run for so long after each reading, as in light sleep; 0 = the board does not sleep */
     uint64_t clock_us; /* of the board's clock at each power-on */
     uint32_t seq;      /* of the sentence after the first $HEL of each power cycle; 0 = 1, as on a board */
     bool stream, hold;

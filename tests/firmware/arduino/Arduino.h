@@ -34,6 +34,7 @@ void neopixelWrite(uint8_t pin, uint8_t red, uint8_t green, uint8_t blue);
 class Print {
 public:
     virtual size_t write(const uint8_t *buffer, size_t size) = 0;
+    virtual int availableForWrite() { return 0; } /* 0: it does not tell, and a write may wait */
     size_t print(const char *text);
     size_t print(double value, int digits = 2);
     size_t println(const char *text);
@@ -54,7 +55,7 @@ public:
     size_t setTxBufferSize(size_t size);
     int available() override;
     int read() override;
-    int availableForWrite();
+    int availableForWrite() override;
     void flush();
     size_t write(const uint8_t *buffer, size_t size) override;
 };
@@ -67,7 +68,7 @@ public:
     size_t setTxBufferSize(size_t size);
     int available() override;
     int read() override;
-    int availableForWrite();
+    int availableForWrite() override;
     void flush();
     size_t write(const uint8_t *buffer, size_t size) override;
 };

@@ -23,7 +23,7 @@ static int16_t world[CHIPS][EMUL_WORDS];
 static struct {
     int sda, scl;
 } wired[BUSES] = {{GYROCAL_SDA, GYROCAL_SCL}, {GYROCAL_SDA2, GYROCAL_SCL2}}; /* what the sensors are wired to */
-static bool tied_low[BUSES];
+static bool tied_low[BUSES], hung[BUSES];
 static int clocks[BUSES]; /* of a bus that nobody drives but the pins */
 static struct {
     void (*handler)(void *);
@@ -110,6 +110,9 @@ static int chip_at(const TwoWire *wire, uint8_t address) {
 
 /* Returns false if a line stays low. */
 static bool pass_transfer(int bus, size_t bytes) {
+    if (hung[bus]) {
+        wait(nullptr, NEVER);
+    }
     if (is_low(transfer[bus].sda) || is_low(transfer[bus].scl)) {
         pass(NO_EVENT_US);
         return false;
@@ -282,6 +285,11 @@ void power_on(unsigned i, const std::string &name, unsigned address) {
 
 void hold_bus(unsigned i) {
     holds[i] = true;
+}
+
+void hang_bus(unsigned bus) {
+    hung[bus] = true;
+    hangs = true;
 }
 
 void tie_low(unsigned bus, bool low) {

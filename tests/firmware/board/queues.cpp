@@ -59,8 +59,11 @@ size_t xRingbufferGetCurFreeSize(RingbufHandle_t r) {
     return r->room < 8 ? 0 : r->room - 8;
 }
 
-BaseType_t xRingbufferSend(RingbufHandle_t r, const void *item, size_t n, TickType_t) {
+BaseType_t xRingbufferSend(RingbufHandle_t r, const void *item, size_t n, TickType_t ticks) {
     const size_t takes = (n + 3) / 4 * 4 + 8; /* aligned, and a header */
+    if (takes > r->room && ticks > 0) {
+        wait([r, takes] { return takes <= r->room; }, after(ticks));
+    }
     if (takes > r->room) {
         return pdFALSE;
     }

@@ -9,12 +9,14 @@
  *                                   the second; parts of the other makers at 0x68, 0x69; or at the address, in hexadecimal digits
  *     world I T GX GY GZ AX AY AZ   what sensor I measures, raw counts at 250 dps and 2 g
  *     hold I                        sensor I stops in the middle of a byte and holds its bus's SDA low
+ *     hang BUS                      the next transfer on the bus never ends, as by a fault of the driver
  *     low BUS, free BUS             the bus's SDA is tied low, as by a sensor without power; it no longer is
  *     pins SDA SCL                  the sensors of the first bus are wired to these pins
  *     network [NAME [PASSWORD]]     the wireless network that is there; none without a name
  *     reader I WORD [TEXT]          reader I comes by TCP, says TEXT and a newline, types TEXT without one, stalls (takes nothing any
  *                                   more), goes on, leaves
  *     ble WORD [TEXT]               a reader by Bluetooth comes [MTU], says TEXT, stalls (its link is congested), goes on, leaves
+ *     listen on|off                 whether somebody reads the serial port, a native USB connector if nobody does
  *     reset N                       the reason of the board's last reset (esp_system.h), 1 if not told
  *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins),
  *                                   nvs (free page in its flash)
@@ -58,6 +60,9 @@ void obey_script() {
         } else if (word == "fail") {
             line >> word;
             fails.insert(word);
+        } else if (word == "listen") {
+            line >> word;
+            listen(word == "on");
         } else if (word == "reset") {
             line >> reset_reason;
         } else if (word == "network") {
@@ -71,7 +76,9 @@ void obey_script() {
         } else if (word == "pins") {
             wire_to(line);
         } else if (line >> i && i < CHIPS) {
-            if (word == "low" || word == "free") {
+            if (word == "hang") {
+                hang_bus(i);
+            } else if (word == "low" || word == "free") {
                 tie_low(i, word == "low");
             } else if (word == "chip") {
                 word.clear();

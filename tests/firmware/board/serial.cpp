@@ -30,6 +30,14 @@ static size_t tx_bytes;
 static std::deque<queued> tx_queue;
 static double tx_busy_until_us;
 
+/* A native USB connector that nobody reads: what the driver's buffer holds stays there, and a write that finds no room waits for a
+   while, the lock held, and takes nothing. */
+#define UNREAD_WAIT_US 250e3
+#define UNREAD_BYTES (tx_bytes > 0 ? tx_bytes : 256u)
+
+static bool is_read = true;
+static std::string unread;
+
 /* What was written comes out line by line: the light's own lines stand between them. */
 static std::string unfinished;
 
@@ -61,6 +69,15 @@ struct serial_guard {
     serial_guard() { xSemaphoreTake(&serial_lock, portMAX_DELAY); }
     ~serial_guard() { xSemaphoreGive(&serial_lock); }
 };
+
+void listen(bool on) {
+    is_read = on;
+    if (on) {
+        show(reinterpret_cast<const uint8_t *>(unread.data()), unread.size());
+        tx_busy_until_us = static_cast<double>(now_us) + SERIAL_BYTE_US * static_cast<double>(unread.size());
+        unread.clear();
+    }
+}
 
 void EspClass::restart() {
     printf("# restart\n");
@@ -96,12 +113,20 @@ int HardwareSerial::available() {
 
 int HardwareSerial::availableForWrite() {
     serial_guard guard;
-    return static_cast<int>(FIFO_BYTES + tx_bytes - tx_waiting()); /* notes and headers are not counted */
+    return static_cast<int>(is_read ? FIFO_BYTES + tx_bytes - tx_waiting() : UNREAD_BYTES - unread.size()); /* without notes and headers */
 }
 
 /* What finds no room waits for the wire, the lock held. */
 size_t HardwareSerial::write(const uint8_t *data, size_t n) {
     serial_guard guard;
+    if (!is_read) {
+        if (unread.size() + n > UNREAD_BYTES) {
+            pass(UNREAD_WAIT_US);
+            return 0;
+        }
+        unread.append(reinterpret_cast<const char *>(data), n);
+        return n;
+    }
     const size_t takes = HEADER_BYTES + NOTE_BYTES + HEADER_BYTES + (n + 3u) / 4u * 4u;
     while (tx_taken() + takes > tx_bytes && !tx_queue.empty()) {
         pass(tx_queue.front().left_us - FIFO_BYTES * SERIAL_BYTE_US - static_cast<double>(now_us) + 1.0);

@@ -14,6 +14,7 @@
 #define CHIPS 4
 
 extern uint64_t now_us, end_us;
+extern bool hangs; /* the script has made a task hang */
 extern std::set<std::string> fails;
 
 struct semaphore {
@@ -31,6 +32,7 @@ uint64_t next_edge_us();
 void look_at_pins();
 void power_on(unsigned i, const std::string &name, unsigned address);
 void hold_bus(unsigned i);
+void hang_bus(unsigned bus);
 void tie_low(unsigned bus, bool low);
 void wire_to(std::istream &pins);
 void set_world(unsigned i, std::istream &counts);
@@ -42,8 +44,9 @@ void act_as_reader(unsigned i, const std::string &word, std::istream &words);
 /* bluetooth.cpp: the same by Bluetooth. */
 void act_by_bluetooth(const std::string &word, std::istream &words);
 
-/* flash.cpp, serial.cpp: the file that keeps the flash; text typed by the person at the port. */
+/* flash.cpp, serial.cpp: the file that keeps the flash; whether the port is read, and text typed by the person there. */
 void read_flash(const char *path);
+void listen(bool on);
 void type(const std::string &text);
 
 /* script.cpp */

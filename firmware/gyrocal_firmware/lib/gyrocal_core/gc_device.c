@@ -137,6 +137,7 @@ static void store_what_changed(gc_device_t *d) {
     }
     const int error = d->results_changed ? gc_kept_save(&d->kept, port) : GC_OK;
     const int other = d->settings_changed ? gc_settings_save(&d->settings, port) : GC_OK;
+    d->settings_kept = d->settings_changed ? other == GC_OK : d->settings_kept;
     d->results_changed = false;
     d->settings_changed = false;
     if (error != GC_OK || other != GC_OK) {
@@ -150,7 +151,12 @@ static void save_results(gc_device_t *d) {
     store_what_changed(d);
 }
 
-static void save_settings(gc_device_t *d) {
+/* A host may set all that it needs each time that it comes; what is in flash already is not written again. */
+static void save_settings(gc_device_t *d, const gc_settings_t *before) {
+    if (d->settings_kept && memcmp(&d->settings.now, before, sizeof *before) == 0) {
+        return;
+    }
+    d->settings_kept = false;
     d->settings_changed = true;
     d->store_by_us = now_us(d) + STORE_WITHIN_US;
     store_what_changed(d);
@@ -244,6 +250,7 @@ static void fit_settings(gc_device_t *d) {
     if (gc_settings_check(&d->settings.now, d->sampler.part) != GC_OK) {
         gc_settings_default(&d->settings.now, d->config.calibration);
         d->settings.now.sensor = sensor;
+        d->settings_kept = false;
     }
 }
 
@@ -354,7 +361,7 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     }
     d->settings.now = settings;
     tell_setting(d, command);
-    save_settings(d);
+    save_settings(d, &before);
     if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
         settings.fifo != before.fifo) {
         gc_sampler_begin_anew(&d->sampler);
@@ -531,6 +538,7 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
     gc_line_reader_init(&d->reader, d->line, sizeof d->line);
     gc_settings_default(&d->settings.now, config->calibration);
     gc_settings_load(&d->settings, config->port, config->parts);
+    d->settings_kept = d->settings.record.sequence != 0u;
     gc_sampler_init(&d->sampler, &d->teller, &d->settings.now, config->part, config->address);
     name_part(d);
     if (d->sampler.parts == NULL) {

@@ -53,6 +53,7 @@ typedef struct {
     gc_kept_settings_t settings;
     bool settings_changed; /* not stored yet, because of a run: of this device, or of another of the board */
     bool results_changed;  /* likewise */
+    bool settings_kept;    /* the store has them as they are */
     uint64_t store_by_us;  /* they are stored from this time on, whatever other devices do */
     gc_kept_t kept;
     gc_sampler_t sampler;

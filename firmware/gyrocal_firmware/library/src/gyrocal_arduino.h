@@ -1,5 +1,5 @@
-/* The functions of gc_port.h by Arduino's Wire, Print and clock, for one sensor and any board. Nothing survives power-off with it,
-   and a sentence that the wire has no room for is waited for; the ESP32 firmware of gyrocal has a port that does better. */
+/* The functions of gc_port.h by Arduino's Wire, Print and clock, for one sensor and any board. Nothing survives power-off with it;
+   the ESP32 firmware of gyrocal has a port that does better. */
 #ifndef GYROCAL_ARDUINO_H
 #define GYROCAL_ARDUINO_H
 
@@ -11,10 +11,14 @@
 #include <Arduino.h>
 #include <Wire.h>
 
+#define GYROCAL_OUT_BYTES 2048 /* sentences that wait for the wire, or for somebody who reads it */
+#define GYROCAL_KEPT_FREE_BYTES 1024 /* of them, for answers to commands while samples fill the wire */
+
 class GyrocalPort {
 public:
     /* out receives the device's sentences; nullptr: nobody reads them. */
-    explicit GyrocalPort(TwoWire &wire, Print *out = nullptr) : wire_(wire), out_(out), port_(), high_us_(0), last_us_(0) {
+    explicit GyrocalPort(TwoWire &wire, Print *out = nullptr)
+        : wire_(wire), out_(out), port_(), high_us_(0), last_us_(0), text_(), from_(0), held_(0), tells_room_(false) {
         port_.context = this;
         port_.bus_write = write;
         port_.bus_read = read;
@@ -71,8 +75,10 @@ private:
     }
 
     static void wait_until_us(void *context, uint64_t t_us) {
+        of(context).write_held();
         uint64_t now = now_us(context);
         while (now < t_us) {
+            of(context).write_held();
             if (t_us - now > 2000u) {
                 delay(1);
             }
@@ -80,9 +86,37 @@ private:
         }
     }
 
+    /* Writes as much as there is room for. A Print that has never told of room does not tell: it is written to, and may wait. */
+    void write_held() {
+        while (held_ > 0) {
+            const int told = out_->availableForWrite();
+            tells_room_ = tells_room_ || told > 0;
+            const size_t whole = held_ < GYROCAL_OUT_BYTES - from_ ? held_ : GYROCAL_OUT_BYTES - from_;
+            const size_t room = !tells_room_ ? whole : told > 0 ? static_cast<size_t>(told) : 0;
+            const size_t part = whole < room ? whole : room;
+            const size_t done = part > 0 ? out_->write(text_ + from_, part) : 0;
+            from_ = (from_ + done) % GYROCAL_OUT_BYTES;
+            held_ -= done;
+            if (done == 0) {
+                return;
+            }
+        }
+    }
+
     static int send(void *context, const char *data, size_t n) {
-        Print *out = of(context).out_;
-        return out == nullptr ? static_cast<int>(n) : static_cast<int>(out->write(reinterpret_cast<const uint8_t *>(data), n));
+        GyrocalPort &self = of(context);
+        if (self.out_ == nullptr) {
+            return static_cast<int>(n);
+        }
+        const size_t needed = gc_wire_is_sample(data, n) ? n + GYROCAL_KEPT_FREE_BYTES : n;
+        if (needed > GYROCAL_OUT_BYTES - self.held_) {
+            return 0;
+        }
+        for (size_t i = 0; i < n; i++) {
+            self.text_[(self.from_ + self.held_++) % GYROCAL_OUT_BYTES] = static_cast<uint8_t>(data[i]);
+        }
+        self.write_held();
+        return static_cast<int>(n);
     }
 
     static const uint8_t *part_file(void *, const char *, size_t *n) {
@@ -95,6 +129,9 @@ private:
     gc_port_t port_;
     uint64_t high_us_;
     uint32_t last_us_;
+    uint8_t text_[GYROCAL_OUT_BYTES]; /* a ring */
+    size_t from_, held_;
+    bool tells_room_;
 };
 
 #endif
