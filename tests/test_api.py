@@ -229,7 +229,7 @@ WRONG: dict[str, Callable[[Path], Any]] = {
         s, "default", s.with_name("out"), "none"
     ),
     "no time: map t_s, or give rate_hz": lambda s: imported(s, "gz_dps=w"),
-    "turn_deg, or map rate_ref_dps or ref_angle_deg; or gravity": lambda s: imported(s, "t_s=t", "gz_dps=w"),
+    "turn_deg, or gravity (turned by hand), or map rate_ref_dps or ref_angle_deg": lambda s: imported(s, "t_s=t", "gz_dps=w"),
     "maps gz_dps=w:rpm: unit": lambda s: imported(s, "gz_dps=w:rpm"),
     "maps gz_dps=w:counts: the unit counts needs lsb_dps": lambda s: imported(s, "gz_dps=w:counts"),
 }

@@ -165,7 +165,7 @@ def test_the_command_writes_all_files_or_none(
 ) -> None:
     names = ["model.onnx", "model.int8.onnx", "model.json", "weights.h"]
     assert main(["export", "--run", str(tiny_run), "--out", str(tmp_path / "a"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"files": [str(tmp_path / "a" / name) for name in names]}
+    assert json.loads(capsys.readouterr().out) == {"files": [str(tmp_path / "a" / name) for name in names], "left": []}
     assert all((tmp_path / "a" / name).read_bytes() == (tiny_files / name).read_bytes() for name in names)
 
     run = tmp_path / "run"

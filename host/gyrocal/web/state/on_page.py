@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 
 FIELDS = (
-    (r"give --rate, --turn-deg, or map", "give the table rate (0 at rest), a known turn or a second file, or map a column to"),
+    (
+        r"give --rate \(0: it lay still\), --turn-deg, or --gravity \(turned by hand\), or map",
+        "give the table rate (0 at rest), a known turn or a second file, say that it was turned by hand, or map a column to",
+    ),
     (r"--turn-deg", "the known turn"),
     (r"--ref-clock own", "the tick that it has a clock of its own"),
     (r"--reference", "the second file"),
