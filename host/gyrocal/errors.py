@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 
 INSTALL_TRAIN = "pip install 'gyrocal[train]' --extra-index-url INDEX"
-MOST_NAMED = 14
-"""More names than these make a line too long for a terminal."""
 INDEX_IS = "INDEX is the address of PyTorch's builds for the CPU, which its installation page gives"
 """How to install what training needs. PyPI's PyTorch brings gigabytes of GPU libraries on Linux."""
+MOST_NAMED = 14
+"""More names than these make a line too long for a terminal."""
 
 
 class GyrocalError(Exception):

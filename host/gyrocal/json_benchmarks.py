@@ -19,8 +19,8 @@ from gyrocal.json_grades import (
 from gyrocal.json_small import Number
 
 
-class PaperLine(TypedDict):
-    """Mean absolute errors of a method after so many seconds, with half a 95 % interval, and over the best possible ones."""
+class MeanErrors(TypedDict):
+    """Mean absolute errors of a method after so many seconds, and over the best possible ones."""
 
     seconds: float
     method: str
@@ -28,6 +28,11 @@ class PaperLine(TypedDict):
     bias_mae_dps: float
     scale_over_limit: float
     bias_over_limit: float
+
+
+class PaperLine(MeanErrors):
+    """Mean absolute errors of a method after so many seconds, with half a 95 % interval, and over the best possible ones."""
+
     scale_half_interval: float
     bias_half_interval_dps: float
 
@@ -71,15 +76,9 @@ class BySecond(TypedDict):
     bias_dps: float
 
 
-class HiddenLine(TypedDict):
+class HiddenLine(MeanErrors):
     """A method where the table also ripples twice a turn."""
 
-    seconds: float
-    method: str
-    scale_mae: float
-    bias_mae_dps: float
-    scale_over_limit: float
-    bias_over_limit: float
     flagged: Number
 
 

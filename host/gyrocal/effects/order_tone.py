@@ -54,7 +54,7 @@ def turned_turn(run: Run) -> Array:
 @once
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of measured minus true rate on one axis, each run without its slow errors."""
-    turning = [r for r in runs if _turns(r)]
+    turning = [r for r in runs if turns(r)]
     return over_turns(turning, [_rest_dps(r, axis) for r in turning], axis)
 
 
@@ -62,7 +62,7 @@ def waves_per_turn(runs: Sequence[Run], axis: int, orders: Sequence[int]) -> NDA
     """Complex amplitudes [turning runs, orders] of measured minus true rate over whole turns of the table, deg/s."""
     out = []
     for run in runs:
-        turn = turned_turn(run) - turned_turn(run)[0] if _turns(run) else np.zeros(len(run))
+        turn = turned_turn(run) - turned_turn(run)[0] if turns(run) else np.zeros(len(run))
         whole = np.abs(turn) < np.floor(np.abs(turn[-1:]).sum())
         if whole.any():
             rest_dps = _rest_dps(run, axis)[whole]
@@ -103,7 +103,7 @@ def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     peaks = spectrum.peaks(4 * PEAKS)
     if any(_harmonic(p, peaks[0]) for p in peaks[1:]) or (peaks and peaks[0].whole is not None and _is_pulse(spectrum)):
         return []
-    told, turning = told_from_frequency(runs, FEW_TURNS), [r for r in runs if _turns(r)]
+    told, turning = told_from_frequency(runs, FEW_TURNS), [r for r in runs if turns(r)]
     slowest = LOWEST_HZ * 360 / float(np.abs(turning[0].rate_dps).max()) if len(turning) == 1 else np.inf
     return [p for p in peaks if p.whole is not None or told or p.order > slowest]
 
@@ -114,7 +114,7 @@ def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -
     At a known angle, a wave that is fixed to the table goes back with it. A vibration does not. Runs of fewer than
     ``least_turns`` do not count: a fit of both waves uses them, but the spectrum over turns does not.
     """
-    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= least_turns]
+    turning = [r for r in runs if turns(r) and np.ptp(turned_turn(r)) >= least_turns]
     rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
     several = bool(rates_dps) and np.ptp(rates_dps) >= ONE_RATE * max(rates_dps)
     known = all(r.column("table_angle_deg") is not None for r in turning)
@@ -124,16 +124,16 @@ def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -
 
 def _few_turns(runs: Sequence[Run], axis: int) -> bool:
     """True if the runs turn too little for a spectrum over the angle, and their angle or several rates show a tone yet."""
-    turning = [r for r in runs if _turns(r)]
+    turning = [r for r in runs if turns(r)]
     known = all(r.column("table_angle_deg") is not None for r in turning)
     shown = known or (len(turning) >= LEAST_RUNS and told_from_frequency(runs, FEW_TURNS))
-    return shown and _swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+    return shown and swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
 
 
 @once
 def _over_few_turns(runs: Sequence[Run], axis: int) -> list[float]:
     """The orders with the largest power over runs that each turn too little for a spectrum."""
-    turning = [r for r in runs if _turns(r)]
+    turning = [r for r in runs if turns(r)]
     return strongest_orders([_rest_dps(r, axis) for r in turning], [turned_turn(r) for r in turning], PEAKS)
 
 
@@ -162,23 +162,24 @@ def harmonic_of_turn(runs: Sequence[Run], axis: int, f_hz: float) -> bool:
 
     What passes the sensor once a turn, such as a magnet beside the table, has many of them. Each alone resembles a vibration.
     """
-    turning = [r for r in runs if _turns(r)]
+    turning = [r for r in runs if turns(r)]
     if not turning or told_from_frequency(runs, FEW_TURNS):
         return False
     turns_hz = float(np.mean([np.sqrt(np.mean(r.rate_dps**2)) for r in turning])) / 360
     order = round(f_hz / turns_hz)
-    if abs(f_hz / turns_hz - order) * _swept_turns(runs) > EXACT:
+    if abs(f_hz / turns_hz - order) * swept_turns(runs) > EXACT:
         return False
     lines = strong_orders(runs, axis)
     return any(size > HARMONIC * lines.get(order, 0.0) for k, size in lines.items() if k != order)
 
 
-def _swept_turns(runs: Sequence[Run]) -> float:
+def swept_turns(runs: Sequence[Run]) -> float:
     """The largest angle that one of the runs sweeps, turns; lines over the angle are no finer than one over it."""
-    return max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=0.0)
+    return max((float(np.ptp(turned_turn(r))) for r in runs if turns(r)), default=0.0)
 
 
-def _turns(run: Run) -> bool:
+def turns(run: Run) -> bool:
+    """True for a run whose true rate is known from moment to moment and is not zero throughout."""
     return not run.rate_is_mean and bool(np.any(run.rate_dps))
 
 
@@ -214,12 +215,12 @@ class OrderTone(Tone):
     cases = (Case({"order": 5.0, "A_dps": 0.05}, ("order",), "full"), Case({"order": 2.5, "A_dps": 0.05}, ("order",), "full"))
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if any(map(_turns, runs)) else TURNING_AT_ALL
+        return None if any(map(turns, runs)) else TURNING_AT_ALL
 
     @staticmethod
     def holds_unknown(run: Run) -> bool:
         """True at rest: a tilt's or a magnet's tone then holds its value at the standing angle, which is not in the model."""
-        return not run.rate_is_mean and not _turns(run)
+        return not run.rate_is_mean and not turns(run)
 
     def scope_in(self, runs: Sequence[Run]) -> str:
         known = all(r.column("table_angle_deg") is not None for r in runs)
@@ -239,7 +240,7 @@ class OrderTone(Tone):
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         if _few_turns(runs, axis):
-            return len(WHOLE) + round(HIGHEST * _swept_turns(runs))
+            return len(WHOLE) + round(HIGHEST * swept_turns(runs))
         return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
@@ -252,15 +253,15 @@ class OrderTone(Tone):
         return values["order"] * max(float(np.abs(r.rate_dps).max()) for r in runs) / 360
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
-        turned = max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=1.0)
+        turned = max((float(np.ptp(turned_turn(r))) for r in runs if turns(r)), default=1.0)
         return 0.1 / (values["order"] * max(turned, 0.1))
 
     def observable(self, values: Values, runs: Sequence[Run]) -> bool:
         """False for an order beside a whole number, at the only rate of the table: nothing fixes such a wave to its angle."""
-        turning = [r for r in runs if _turns(r)]
+        turning = [r for r in runs if turns(r)]
         if not turning or len(turning) == 1 or told_from_frequency(runs, FEW_TURNS):
             return True
-        return abs(values["order"] - round(values["order"])) * _swept_turns(runs) < NOT_WHOLE
+        return abs(values["order"] - round(values["order"])) * swept_turns(runs) < NOT_WHOLE
 
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
         """A ripple leaves a small tone of its own order where a table of known angle reverses, because readings are late.
@@ -287,4 +288,4 @@ class OrderTone(Tone):
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """The wave of a tone, shape [n]. It is zero on a table at rest, where it would be an offset."""
-        return super().wave(run, axis, values, name) if _turns(run) else np.zeros(len(run), dtype=complex)
+        return super().wave(run, axis, values, name) if turns(run) else np.zeros(len(run), dtype=complex)

@@ -16,7 +16,7 @@ from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.mistaken import must_be_sure
-from gyrocal.effects.order_tone import OrderTone, turned_turn
+from gyrocal.effects.order_tone import OrderTone, swept_turns, turns
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Tone, Wave
@@ -142,16 +142,15 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
     ]
     if of_the_reference(fitted, parts):
         return True
-    runs = [b.run for b in fitted.design.blocks]
-    turning = [not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs]
-    shown = turning if wave.rate_power is not None else [True] * len(runs)
-    squares = np.array([np.mean(part**2) if part.size else 0.0 for part, s in zip(parts, shown, strict=True) if s])
+    runs, of_table = [b.run for b in fitted.design.blocks], wave.rate_power is not None
+    shown = (part for part, run in zip(parts, runs, strict=True) if turns(run) or not of_table)
+    squares = np.array([np.mean(part**2) if part.size else 0.0 for part in shown])
     if isinstance(wave, Tone) and float(np.median(squares)) < POLICY.even**2 * float(np.mean(squares)):
         return True
     if wave.rate_power is None:
         return False
-    turns = max((float(np.ptp(turned_turn(run))) for run, t in zip(runs, turning, strict=True) if t), default=0.0)
-    return WaveSizes.of(fitted, own, wave.rate_power).log_odds(wave.rate_power, exact=turns < LEAST_TURNS) < 0
+    exact = swept_turns(runs) < LEAST_TURNS
+    return WaveSizes.of(fitted, own, wave.rate_power).log_odds(wave.rate_power, exact=exact) < 0
 
 
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:

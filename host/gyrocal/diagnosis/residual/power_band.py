@@ -59,10 +59,10 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     filters = [(knee_hz, 2) for knee_hz in KNEES_HZ]
     if scatter < POLICY.white_within:
         filters += [(knee_hz, order) for knee_hz in LOW_KNEES_HZ for order in ORDERS]
-    in_block = round(float(np.median(np.concatenate([b.n for b in fit.design.blocks]))))
-    low_passes = [of_block_means(f, *one, block_s, in_block) for one in filters]
+    samples = float(np.median(np.concatenate([b.n for b in fit.design.blocks])))
+    low_passes = [of_block_means(f, *one, block_s, round(samples)) for one in filters]
     low_passes += [
-        of_block_means(f, *one, block_s, in_block, digital=True) for one in filters if one[0] < 0.5 * in_block / block_s
+        of_block_means(f, *one, block_s, round(samples), digital=True) for one in filters if one[0] < 0.5 * samples / block_s
     ]  # fmt: skip
     noises = np.stack([np.ones_like(f), f[0] / f, (f[0] / f) ** 2]) * np.array(low_passes)[:, None]
     without, _ = _fitted(noises, cells)
@@ -76,8 +76,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     if chance >= alarm:
         return None
     centre, width = float(centres[best // len(WIDTHS)]), WIDTHS[best % len(WIDTHS)]
-    samples = float(np.median(np.concatenate([b.n for b in fit.design.blocks])))
-    density = 2 * fit.noise.white_sd_dps**2 / samples * fit.design.extent_s[1]  # of block means of white noise, dps^2/Hz
+    density = 2 * fit.noise.white_sd_dps**2 / samples * block_s  # of block means of white noise, dps^2/Hz
     amplitude_dps = float(np.sqrt(2 * sizes[best, -1] * density * trapezoid(humps[best], f)))
     band_hz = (centre * float(np.exp(-width)), centre * float(np.exp(width)))
     note = f"{rate_text(amplitude_dps)} beyond noise, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
