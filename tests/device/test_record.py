@@ -188,6 +188,20 @@ def test_a_refused_command_leaves_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("samples", [0, 5])
+def test_a_run_that_another_host_began_is_not_the_wanted_one(samples: int, tmp_path: Path) -> None:
+    with FakeDevice(stream(list(range(100)))) as fake, Link(fake.port) as link:
+        link.greet()
+        fake.say("STA", {"state": "recording", "face": "up", "n": samples})
+        for n in range(samples):
+            fake.sample(n, -8914)
+        fake.seq += 1  # and the end of that run did not arrive
+        Recorder(link, tmp_path / "out", wanted=UP).record()
+    run = Session.open(tmp_path / "out").runs[0]
+    assert len(run) == 50
+    assert np.all(run.gyro_dps[:, 2] > 0)
+
+
 def test_one_sample_is_no_run(tmp_path: Path) -> None:
     def run(fake: FakeDevice) -> None:
         fake.sample(0)

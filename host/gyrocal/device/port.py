@@ -315,6 +315,12 @@ class Link:
             self._kept = kept
         raise DeviceError(f"{self.name}: `{text}` was not taken within {timeout_s:g} s: {why}")
 
+    def take_before(self, answer: Sentence) -> list[Sentence]:
+        """The kept sentences that came before an answer of :meth:`command`. The answer and the later ones stay kept."""
+        at = self._kept.index(answer)
+        earlier, self._kept = self._kept[:at], self._kept[at:]
+        return earlier
+
     def _read(self) -> list[Sentence]:
         if self._port is None:
             self._reopen()

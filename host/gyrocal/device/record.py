@@ -171,7 +171,15 @@ class Recorder:
         self.link.command(f"set table_dps {rate}")
         self.link.command(f"set turn_deg {wanted.turn_deg or 0.0:.9g}")
         self.link.command("stream raw")
-        self.link.command(f"start {wanted.face}")
+        self._leave_behind(self.link.command(f"start {wanted.face}"))
+
+    def _leave_behind(self, answer: Sentence) -> None:
+        """Of the sentences before the answer to ``start``, the settings count and no run: another host may have begun one."""
+        earlier = [s for s in self.link.take_before(answer) if s.imu == self._imu]
+        for sentence in earlier:
+            self._note(sentence)
+        self._stream.feed(earlier)
+        self._stream.run = None
 
     def _join(self) -> None:
         """Follow a device that starts its runs by itself; a run may already be in progress."""

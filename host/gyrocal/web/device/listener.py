@@ -201,16 +201,17 @@ class Listener:
 
         def work() -> None:
             recorder: Recorder | None = None
+            problem = ""
             try:
                 with Link(self._name, opener=lambda n, b: tap) as mine:
                     recorder = _recorder(mine, recording, wanted, scenario)
                     recorder.record()
             except (GyrocalError, OSError) as error:
-                recording.error = str(error)
+                problem = str(error)
             finally:
                 self.tap = None
                 recording.done = [] if recorder is None else [asdict(run) for run in recorder.report.runs]
-                recording.going = False
+                recording.going, recording.error = False, problem  # who hears of the error may record again
                 self._send(News([], [], self._status()))
 
         threading.Thread(target=work, daemon=True).start()
