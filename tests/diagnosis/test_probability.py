@@ -31,7 +31,11 @@ def decisions(*candidates: Candidate, failing: str = "z", beside: Any = gaining)
 
 
 def test_a_name_without_support_is_suggested() -> None:
-    for log_odds, checks, gain in ((2.5, PASSED, 11.0), (1.0, PASSED, 90.0), (30.0, FAILED, 90.0), (-5.0, None, 90.0)):
+    mostly_rest, differs = Checks(0.45, 0.4), Checks(0.9, 0.005, 0.01)
+    for log_odds, checks, gain in (
+        (2.5, PASSED, 11.0), (1.0, PASSED, 90.0), (30.0, FAILED, 90.0), (-5.0, None, 90.0), (30.0, mostly_rest, 90.0),
+        (8.0, differs, 90.0),
+    ):  # fmt: skip
         one = candidate("drift", "add", log_odds, checks, gain=gain)
         assert decisions(one) == {"drift": ("suggest", ())}
 
@@ -39,7 +43,21 @@ def test_a_name_without_support_is_suggested() -> None:
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
     assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
-    assert decisions(candidate("vibration_tone", "add", None, None)) == {"vibration_tone": ("add", ())}
+    assert decisions(candidate("drift", "add", 30.0, Checks(0.9, 0.005, 0.01), gain=90.0)) == {"drift": ("add", ())}
+    assert decisions(candidate("drift", "add", None, None, gain=7.0)) == {"drift": ("add", ())}
+
+
+@pytest.mark.parametrize("id_", ["vibration_tone", "order_tone", "table_ripple", "bias_jumps", "dead_band"])
+def test_waves_and_jumps_that_the_evidence_cannot_weigh_need_a_large_gain(id_: str) -> None:
+    values = {"f_hz": 9.0, "A_dps": 0.5, "n": 1.0, "size_dps": 0.5, "amplitude_1": 0.05, "order": 1.0, "width_dps": 0.5}
+    one = candidate(id_, "add", None, None, values=values)
+    assert decisions(replace(one, gain=99.0)) == {id_: ("suggest", ())}
+    assert decisions(replace(one, gain=101.0)) == {id_: ("add", ())}
+
+
+def test_faults_of_the_reading_are_known_by_their_codes() -> None:
+    for id_, values in (("quantization", {"step_dps": 0.06}), ("bias_jumps", {"outliers": 1e-3, "size_dps": 0.5})):
+        assert decisions(candidate(id_, "add", None, None, values=values, gain=2.0)) == {id_: ("add", ())}
 
 
 def test_the_evidence_decides_between_rivals_of_different_shape() -> None:
