@@ -86,10 +86,16 @@ class Candidate:
         effect describes has some part at their frequencies.
         """
         if self.log_odds is None:
-            weighable = not self.effect.fast and self.effect.fault is None
             large = self.gain is not None and self.gain >= POLICY.unweighed_gain
-            return not self.tiny and (weighable or self.effect.fault_of(self.values) is not None or large)
+            return not self.tiny and (large or not self._is_never_weighed)
         return curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
+
+    @property
+    def _is_never_weighed(self) -> bool:
+        """True for what the evidence can weigh in no session, and the codes of the readings do not show either."""
+        effect = self.effect
+        own_sizes = effect.scope == "run" and not effect.common_mean
+        return effect.fault_of(self.values) is None and (effect.fast or own_sizes or effect.fault is not None)
 
     @property
     def tiny(self) -> bool:
