@@ -31,11 +31,7 @@ def decisions(*candidates: Candidate, failing: str = "z", beside: Any = gaining)
 
 
 def test_a_name_without_support_is_suggested() -> None:
-    mostly_rest, differs = Checks(0.45, 0.4), Checks(0.9, 0.005, 0.01)
-    for log_odds, checks, gain in (
-        (2.5, PASSED, 11.0), (1.0, PASSED, 90.0), (30.0, FAILED, 90.0), (-5.0, None, 90.0), (30.0, mostly_rest, 90.0),
-        (8.0, differs, 90.0),
-    ):  # fmt: skip
+    for log_odds, checks, gain in ((2.5, PASSED, 11.0), (1.0, PASSED, 90.0), (30.0, FAILED, 90.0), (-5.0, None, 90.0)):
         one = candidate("drift", "add", log_odds, checks, gain=gain)
         assert decisions(one) == {"drift": ("suggest", ())}
 
@@ -43,7 +39,6 @@ def test_a_name_without_support_is_suggested() -> None:
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
     assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
-    assert decisions(candidate("drift", "add", 30.0, Checks(0.9, 0.005, 0.01), gain=90.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", None, None, gain=7.0)) == {"drift": ("add", ())}
 
 

@@ -16,11 +16,11 @@ from gyrocal.evidence.checked import Checks
 from gyrocal.policy import POLICY
 
 KNOTS = (
-    (-4.4093, 0.006), (-3.2252, 0.009), (-1.7499, 0.051), (-0.4778, 0.196), (0.5621, 0.42), (1.8258, 0.676), (3.5413, 0.859),
-    (7.0802, 0.926), (17.995, 0.926),
+    (-4.4093, 0.006), (-3.2252, 0.009), (-1.7499, 0.051), (-0.4707, 0.204), (0.5611, 0.387), (1.8035, 0.658), (3.4884, 0.854),
+    (7.042, 0.905), (17.8577, 0.907),
 )  # fmt: skip
-FAILED = 0.382
-NAMED = 0.945
+FAILED = 0.316
+NAMED = 0.943
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:

@@ -46,18 +46,16 @@ class Evidence:
 
     # Checks of an effect that leads
     least_share: float = threshold(
-        0.5, "part of the power that an effect and a disturbance without a name explain together, from which on the effect "
+        0.25, "part of the power that an effect and a disturbance without a name explain together, from which on the effect "
         "passes the check of its share",
-        larger="true effects fail beside a disturbance: of eleven names with .5 to .7 of the power ten were true",
-        smaller="a part of a disturbance is named: of eight names with a quarter to a half of the power three were wrong",
-        chosen_by="gyrocal benchmark edge --part frozen, five states of the code (docs/evidence.md)",
+        larger="true effects fail beside a disturbance: of seven names with less than half of the power five were true",
+        smaller="a part of a disturbance is named: of those with less than a quarter three of four were true",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part",
     )  # fmt: skip
     different_chance: float = threshold(
-        0.01, "probability that chance makes the sizes of an effect differ as much between the parts of the data, below which "
+        1e-3, "probability that chance makes the sizes of an effect differ as much between the parts of the data, below which "
         "they differ",
-        larger="true effects fail the check by chance",
-        smaller="a disturbance that resembles an effect in part passes it: of 13 names with .001 to .01 four were wrong",
-        chosen_by="gyrocal benchmark edge --part frozen, five states of the code (docs/evidence.md)",
+        larger="true effects fail the check by chance", smaller="a disturbance that resembles an effect in part passes it",
     )  # fmt: skip
     shown_in_part: float = threshold(
         1e-3, "part of an effect's power that must differ between two parts of the data, so that they say anything of its size",
