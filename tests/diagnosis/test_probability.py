@@ -46,8 +46,8 @@ def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judg
 def test_waves_and_jumps_that_the_evidence_cannot_weigh_need_a_large_gain(id_: str) -> None:
     values = {"f_hz": 9.0, "A_dps": 0.5, "n": 1.0, "size_dps": 0.5, "amplitude_1": 0.05, "order": 1.0, "width_dps": 0.5}
     one = candidate(id_, "add", None, None, values=values)
-    assert decisions(replace(one, gain=99.0)) == {id_: ("suggest", ())}
-    assert decisions(replace(one, gain=101.0)) == {id_: ("add", ())}
+    assert decisions(replace(one, gain=49.0)) == {id_: ("suggest", ())}
+    assert decisions(replace(one, gain=51.0)) == {id_: ("add", ())}
 
 
 def test_faults_of_the_reading_are_known_by_their_codes() -> None:

@@ -64,7 +64,7 @@ def test_results_of_an_earlier_version_are_decided_by_today_s_limits() -> None:
 
     stays = [said("drift"), said("quantization", log_odds=None, checks=None), said("lag", by_tests=["suggest", []])]
     falls = [
-        said("warmup", checks=vars(FAILED)), said("vibration_tone", log_odds=None, checks=None),
+        said("warmup", checks=vars(FAILED)), said("vibration_tone", log_odds=None, checks=None, heldout_gain=49.0),
         said("spin_up", by_tests=["suggest", []], heldout_gain=9.0),
     ]  # fmt: skip
     found = edge_table.decided_today({"candidates": stays + falls})
