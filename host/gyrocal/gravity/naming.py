@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
-from gyrocal.diagnosis.naming.decision import in_range, proven, with_q_values
+from gyrocal.diagnosis.naming.decision import evident_gain, in_range, proven, with_q_values
 from gyrocal.diagnosis.naming.rivals import with_groups
 from gyrocal.effects.base import Effect, effects
 from gyrocal.error_model.model import Term
@@ -43,7 +43,8 @@ def _decided(judged: Sequence[Candidate], evidence: Evidence) -> list[Candidate]
         c = judged[i]
         if c.decision == "not_measurable" or c.q_value is None or c.q_value >= POLICY.false_discovery_rate:
             continue
-        named = proven(c, tested) and in_range(c) and c.enough and (c.gain or 0.0) >= POLICY.of_finding * strongest
+        large = evident_gain(c) and (c.gain or 0.0) >= POLICY.of_finding * strongest
+        named = proven(c, tested) and in_range(c) and c.enough and large
         columns = evidence.columns(Term.of(c.effect, c.axis, c.values))
         if named and taken:
             cross = evidence.beside(c.effect.id, c.axis)

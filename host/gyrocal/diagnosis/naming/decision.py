@@ -108,7 +108,7 @@ def sure_gain(c: Candidate) -> bool:
 
 
 def evident_gain(c: Candidate) -> bool:
-    """True if the held-out gain is large enough for a name that the evidence alone gives."""
+    """True if the held-out gain is large enough for a name that the evidence of sets alone gives, or the tests alone."""
     return c.gain is not None and c.gain >= POLICY.evident_gain
 
 
