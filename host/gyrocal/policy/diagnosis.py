@@ -209,8 +209,8 @@ class Diagnosis:
         smaller="an effect is named though half of the runs are predicted worse",
     )  # fmt: skip
     evident_gain: float = threshold(
-        11.0, "held-out log-likelihood that a name which the evidence alone gives must gain, and one of a session by hand, which "
-        "has no evidence of sets",
+        11.0, "held-out log-likelihood that a name which the evidence alone gives must gain, and one of a session by hand, "
+        "which has no evidence of sets",
         larger="an effect that hides behind another is not named",
         smaller="what resembles a disturbance is named though it hardly predicts: of such names with less than 11, six of six "
         "were wrong, with more two of nineteen",
