@@ -8,7 +8,7 @@ PIP := $(BIN)/pip --disable-pip-version-check
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
-.PHONY: demo test quick docs parts coverage fuzz mutants lowest wheel release clean
+.PHONY: demo test wide quick docs parts coverage fuzz mutants lowest wheel release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -17,6 +17,10 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/pytest $(PARALLEL)
+
+# further cases of what these tests prove, before a release and in CI beside them: other seeds, sizes, campaigns and CPUs
+wide: $(VENV)/.installed-dev
+	$(BIN)/pytest $(PARALLEL) --wide -m wide
 
 # what an edit wants, in less than a minute: the laws of the effects, the parsers, and one session through the verbs
 quick: $(VENV)/.installed-dev

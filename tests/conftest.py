@@ -15,8 +15,16 @@ from watched import ONE_THREAD, Watched
 os.environ |= ONE_THREAD  # read as numpy, torch and polars are imported, also by the commands that a test starts
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with a slow test begin first, so that at the end no worker waits for one of them."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--wide", action="store_true", help="also the tests that are marked wide")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Files with a slow test begin first, so that at the end no worker waits for one of them. Wide tests are asked for."""
+    if not config.getoption("--wide"):
+        wide = [item for item in items if item.get_closest_marker("wide")]
+        config.hook.pytest_deselected(items=wide)
+        items[:] = [item for item in items if item not in wide]
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
