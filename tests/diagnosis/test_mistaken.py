@@ -248,7 +248,9 @@ def test_a_pulse_once_a_turn_is_no_ripple_and_its_harmonics_are_no_vibration(wid
     assert [c.effect.id for c in found.candidates if c.decision in ("add", "suggest")] == []
 
 
-@pytest.mark.parametrize(("count", "length_s", "size_dps"), [(2, 160.0, 0.015), pytest.param(4, 75.0, 0.012, marks=pytest.mark.wide)])
+@pytest.mark.parametrize(
+    ("count", "length_s", "size_dps"), [(2, 160.0, 0.015), pytest.param(4, 75.0, 0.012, marks=pytest.mark.wide)]
+)
 def test_a_weak_pulse_once_a_turn_is_no_tone_of_one_order(count: int, length_s: float, size_dps: float) -> None:
     """None of its lines but the first stands out among all orders."""
 
@@ -277,7 +279,9 @@ def test_a_wave_smaller_than_any_table_makes_is_suggested(amplitude: float, name
     assert ripple.decision == ("add" if named else "suggest")
 
 
-@pytest.mark.parametrize("sizes_dps", [pytest.param(dict.fromkeys((1, 2, 3, 4), 0.02), marks=pytest.mark.wide), {1: 0.03, 5: 0.03}])
+@pytest.mark.parametrize(
+    "sizes_dps", [pytest.param(dict.fromkeys((1, 2, 3, 4), 0.02), marks=pytest.mark.wide), {1: 0.03, 5: 0.03}]
+)
 def test_a_ripple_of_many_orders_is_named_also_beside_the_teeth_of_a_gear(sizes_dps: dict[float, float]) -> None:
     found = diagnose(turned(harmonics(sizes_dps)))
     assert "table_ripple" in [c.effect.id for c in found.candidates if c.named]

@@ -184,7 +184,8 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
 
 
 @pytest.mark.parametrize(
-    ("size_dps", "latitude_deg", "named"), [(0.004, None, False), (0.004, 75.0, True), pytest.param(0.012, None, True, marks=pytest.mark.wide)]
+    ("size_dps", "latitude_deg", "named"),
+    [(0.004, None, False), (0.004, 75.0, True), pytest.param(0.012, None, True, marks=pytest.mark.wide)],
 )
 def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     size_dps: float, latitude_deg: float | None, named: bool

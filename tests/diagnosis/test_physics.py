@@ -31,7 +31,9 @@ def session_of(campaign: str, *effects: str, seed: int = 3) -> Session:
     ("campaign", "spec", "name", "value"),
     [
         ("shaker", "g2_sensitivity:k_dps_per_g2=0.01", "k_dps_per_g2", 0.01),
-        pytest.param("shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03, marks=pytest.mark.wide),
+        pytest.param(
+            "shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03, marks=pytest.mark.wide
+        ),
         ("swing", "dead_band:width_dps=0.5", "width_dps", 0.5),
         ("chamber", "thermal_hysteresis:amplitude_dps=-0.05,width_c=10", "amplitude_dps", -0.05),
         ("swing", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),

@@ -20,7 +20,10 @@ pytestmark = pytest.mark.usefixtures("compiled_for_cpus")
 BITS = ROOT / "test" / "test_same_bits" / "bits.c"
 FACES = Path(__file__).with_name("faces.c")
 TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
-CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
+CPU = pytest.mark.parametrize(
+    "cpu", [pytest.param(cpu, marks=[pytest.mark.wide] * (cpu.name == "rv32imafc"), id=cpu.name) for cpu in cpus.CPUS]
+)
+"""One without and one with an FPU, of either maker; ``make wide`` adds a RISC-V with an FPU."""
 Require = Callable[[str], str]
 DOCUMENTED_GCC = "12.2"
 """The compiler that made the table."""
