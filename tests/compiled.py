@@ -34,7 +34,7 @@ class Objects:
         built = self._folder / f"{hashlib.sha256(chr(0).join(settings).encode() + text).hexdigest()}.o"
         if not built.exists():
             own = built.with_suffix(f".{os.getpid()}")
-            subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True)
+            subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True, capture_output=True)
             own.replace(built)
         return built
 
