@@ -15,6 +15,10 @@ import numpy as np
 from benchmarks.sessions_by_seed import bounds
 from scipy.stats import binomtest
 
+from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import evident_gain
+from gyrocal.effects.base import effects
+from gyrocal.evidence.checked import Checks
 from gyrocal.present.output import stdout, table
 
 Row = dict[str, Any]
@@ -57,6 +61,29 @@ def of_tests(row: Row) -> Row:
     """A row with the decisions of the tests alone, without the evidence of sets."""
     said = [dict(c, decision=c["by_tests"][0], group=c["by_tests"][1]) for c in row["candidates"]]
     return dict(row, candidates=said)
+
+
+def decided_today(row: Row) -> Row:
+    """A row with the sure names that today's checks and limits of the held-out gain let stand; the others are suggested."""
+
+    def stands(c: dict[str, Any]) -> bool:
+        again = Candidate(
+            effects()[c["effect"]], c["axis"], c["decision"], log_odds=c["log_odds"], checks=checks_of(c),
+            gain=c["heldout_gain"], gain_se=c["heldout_gain_se"],
+        )  # fmt: skip
+        return again.supported and (c["by_tests"][0] == "add" or evident_gain(again))
+
+    kept: list[dict[str, Any]] = [
+        c if c["decision"] != "add" or len(c["group"]) > 1 or stands(c) else dict(c, decision="suggest", group=[])
+        for c in row["candidates"]
+    ]  # fmt: skip
+    return dict(row, candidates=kept)
+
+
+def checks_of(c: dict[str, Any]) -> Checks | None:
+    """The checks of a candidate of a row."""
+    said = c.get("checks")
+    return None if said is None else Checks(**{k: v for k, v in said.items() if k != "passed"})
 
 
 def raised(rows: Sequence[Row]) -> dict[str, Any] | None:

@@ -39,7 +39,20 @@ def test_a_name_without_support_is_suggested() -> None:
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
     assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
-    assert decisions(candidate("vibration_tone", "add", None, None)) == {"vibration_tone": ("add", ())}
+    assert decisions(candidate("drift", "add", None, None, gain=7.0)) == {"drift": ("add", ())}
+
+
+@pytest.mark.parametrize("id_", ["vibration_tone", "order_tone", "table_ripple", "bias_jumps", "dead_band"])
+def test_waves_and_jumps_that_the_evidence_cannot_weigh_need_a_large_gain(id_: str) -> None:
+    values = {"f_hz": 9.0, "A_dps": 0.5, "n": 1.0, "size_dps": 0.5, "amplitude_1": 0.05, "order": 1.0, "width_dps": 0.5}
+    one = candidate(id_, "add", None, None, values=values)
+    assert decisions(replace(one, gain=49.0)) == {id_: ("suggest", ())}
+    assert decisions(replace(one, gain=51.0)) == {id_: ("add", ())}
+
+
+def test_faults_of_the_reading_are_known_by_their_codes() -> None:
+    for id_, values in (("quantization", {"step_dps": 0.06}), ("bias_jumps", {"outliers": 1e-3, "size_dps": 0.5})):
+        assert decisions(candidate(id_, "add", None, None, values=values, gain=2.0)) == {id_: ("add", ())}
 
 
 def test_the_evidence_decides_between_rivals_of_different_shape() -> None:

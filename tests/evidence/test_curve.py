@@ -9,7 +9,7 @@ from gyrocal.evidence import curve as told
 from gyrocal.evidence.checked import Checks
 from study import study
 
-edge_curve = study("edge_curve")
+edge_curve, edge_table = study("edge_curve"), study("edge_table")
 PASSED, FAILED = Checks(0.9, 0.4), Checks(0.2, 0.4)
 
 
@@ -55,3 +55,17 @@ def test_the_curve_of_made_results_is_their_share_and_its_end_the_lower_bound() 
     assert (0.6, 0.25) in knots
     assert knots[-1][1] == pytest.approx(1 - 0.216, abs=0.002)  # Clopper and Pearson, one of twenty wrong
     assert failed == pytest.approx(0.2)
+
+
+def test_results_of_an_earlier_version_are_decided_by_today_s_limits() -> None:
+    def said(effect: str, **more: Any) -> dict[str, Any]:
+        known = {"axis": "z", "decision": "add", "group": [], "log_odds": 9.0, "checks": vars(PASSED), "by_tests": ["add", []]}
+        return {"effect": effect, "heldout_gain": 90.0, "heldout_gain_se": 9.0} | known | more
+
+    stays = [said("drift"), said("quantization", log_odds=None, checks=None), said("lag", by_tests=["suggest", []])]
+    falls = [
+        said("warmup", checks=vars(FAILED)), said("vibration_tone", log_odds=None, checks=None, heldout_gain=49.0),
+        said("spin_up", by_tests=["suggest", []], heldout_gain=9.0),
+    ]  # fmt: skip
+    found = edge_table.decided_today({"candidates": stays + falls})
+    assert [name for name, _ in edge_table.sure(found)] == ["drift", "quantization", "lag"]

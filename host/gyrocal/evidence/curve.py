@@ -20,7 +20,7 @@ KNOTS = (
     (7.042, 0.905), (17.8577, 0.907),
 )  # fmt: skip
 FAILED = 0.316
-NAMED = 0.916
+NAMED = 0.943
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:

@@ -215,6 +215,13 @@ class Diagnosis:
         "were wrong, with more two of nineteen",
         chosen_by="gyrocal benchmark edge --part frozen, five states of the code (docs/evidence.md)",
     )  # fmt: skip
+    unweighed_gain: float = threshold(
+        50.0, "held-out log-likelihood that a wave, jumps or a dead band must gain: the evidence of sets cannot weigh them",
+        larger="small waves are suggested and not named: of five such names with 50 to 100 four were true",
+        smaller="what else has a part at that frequency, or a course in the runs, is named: of nine such names with less than "
+        "50 four were wrong",
+        chosen_by="gyrocal benchmark edge --part frozen, five states of the code, diagnosed anew (docs/evidence.md)",
+    )  # fmt: skip
     shown_by_codes: float = threshold(
         1e-8, "probability of the codes of sound readings below which they show a fault although no gain confirms it",
         larger="one of many sound axes whose codes look odd is given a fault",

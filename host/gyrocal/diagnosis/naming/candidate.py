@@ -10,6 +10,7 @@ import numpy as np
 from gyrocal.effects.base import Effect, Values
 from gyrocal.evidence import curve
 from gyrocal.evidence.checked import Checks
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
@@ -79,10 +80,22 @@ class Candidate:
 
     @property
     def supported(self) -> bool:
-        """True if the evidence of sets supports a name of the other tests; where it cannot judge it, if its size is usual."""
+        """True if the evidence of sets supports a name of the other tests.
+
+        Where it cannot judge it, the size must be usual, and the held-out gain of a wave, jumps or a dead band large: what no
+        effect describes has some part at their frequencies.
+        """
         if self.log_odds is None:
-            return not self.tiny
+            large = self.gain is not None and self.gain >= POLICY.unweighed_gain
+            return not self.tiny and (large or not self._is_never_weighed)
         return curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
+
+    @property
+    def _is_never_weighed(self) -> bool:
+        """True for what the evidence can weigh in no session, and the codes of the readings do not show either."""
+        effect = self.effect
+        own_sizes = effect.scope == "run" and not effect.common_mean
+        return effect.fault_of(self.values) is None and (effect.fast or own_sizes or effect.fault is not None)
 
     @property
     def tiny(self) -> bool:
