@@ -59,7 +59,7 @@ wheel: $(VENV)/.installed-dev
 	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
 	$(PYTHON) -m venv .venv-wheel
 	.venv-wheel/bin/pip install --quiet -c constraints.txt "$$(echo dist/gyrocal-*.whl)[page,net]"
-	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
+	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest --wide tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
 
 # checks and builds what a release uploads (packaging/release.py); refuses while the project has no address
 release: $(VENV)/.installed-dev
