@@ -8,7 +8,7 @@ PIP := $(BIN)/pip --disable-pip-version-check
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
-.PHONY: demo test quick docs parts coverage fuzz mutants lowest wheel release clean
+.PHONY: demo test wide quick docs parts coverage fuzz mutants lowest wheel release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -17,6 +17,10 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/pytest $(PARALLEL)
+
+# further cases of what these tests prove, before a release and in CI beside them: other seeds, sizes, campaigns and CPUs
+wide: $(VENV)/.installed-dev
+	$(BIN)/pytest $(PARALLEL) --wide -m wide
 
 # what an edit wants, in less than a minute: the laws of the effects, the parsers, and one session through the verbs
 quick: $(VENV)/.installed-dev
@@ -55,7 +59,7 @@ wheel: $(VENV)/.installed-dev
 	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
 	$(PYTHON) -m venv .venv-wheel
 	.venv-wheel/bin/pip install --quiet -c constraints.txt "$$(echo dist/gyrocal-*.whl)[page,net]"
-	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
+	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest --wide tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
 
 # checks and builds what a release uploads (packaging/release.py); refuses while the project has no address
 release: $(VENV)/.installed-dev

@@ -24,10 +24,24 @@ class Objects:
             made_of.update(f"\0{path}\0".encode() + path.read_bytes())
         built = self._folder / f"{made_of.hexdigest()}.o"
         if not built.exists():
+            self._link(self._of_text(command, source), built)
+        return built
+
+    def _of_text(self, command: Sequence[str], source: Path) -> Path:
+        """The object of what the preprocessor makes of ``source``: most sources are the same for all settings of the core."""
+        text = subprocess.run([*command, "-E", str(source)], check=True, capture_output=True).stdout
+        settings = [word for word in command if not word.startswith(("-D", "-I"))]
+        built = self._folder / f"{hashlib.sha256(chr(0).join(settings).encode() + text).hexdigest()}.o"
+        if not built.exists():
             own = built.with_suffix(f".{os.getpid()}")
-            subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True)
+            subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True, capture_output=True)
             own.replace(built)
         return built
+
+    def _link(self, known: Path, built: Path) -> None:
+        own = built.with_suffix(f".{os.getpid()}")
+        os.link(known, own)
+        own.replace(built)
 
     def into(self, folder: Path, command: Sequence[str], sources: Iterable[Path]) -> None:
         """Put the object of each source into a folder, as ``command -c SOURCES`` does there."""

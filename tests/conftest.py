@@ -1,5 +1,6 @@
 """What all tests share: a missing tool skips a test and says so, or fails it where everything must be there."""
 
+import contextlib
 import importlib.util
 import os
 import shutil
@@ -15,8 +16,16 @@ from watched import ONE_THREAD, Watched
 os.environ |= ONE_THREAD  # read as numpy, torch and polars are imported, also by the commands that a test starts
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with a slow test begin first, so that at the end no worker waits for one of them."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--wide", action="store_true", help="also the tests that are marked wide")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Files with a slow test begin first, so that at the end no worker waits for one of them. Wide tests are asked for."""
+    if not config.getoption("--wide"):
+        wide = [item for item in items if item.get_closest_marker("wide")]
+        config.hook.pytest_deselected(items=wide)
+        items[:] = [item for item in items if item not in wide]
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
@@ -54,6 +63,23 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Objects:
     """Objects of C sources that all workers share."""
     root = tmp_path_factory.getbasetemp()
     return Objects((root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "compiled")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_here(compiled: Objects) -> Iterator[None]:
+    """What ``gyrocal.core.library`` compiles is linked of these objects: all but those of other headers are there already."""
+    from gyrocal.core import library
+
+    compile_all = library._compile
+
+    def once(command: Sequence[str], units: Sequence[str], output: Path) -> subprocess.CompletedProcess[str]:
+        with contextlib.suppress(subprocess.CalledProcessError):  # compiled together, the compiler says why
+            units = [str(compiled.of(command, Path(unit))) for unit in units]
+        return compile_all(command, units, output)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(library, "_compile", once)
+        yield
 
 
 @pytest.fixture

@@ -34,6 +34,7 @@ from gyrocal.api import (
 )  # fmt: skip
 from gyrocal.present.output import plus_minus
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 TABLE2 = files("gyrocal") / "data" / "table2" / "model.toml"
 
 

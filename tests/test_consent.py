@@ -31,7 +31,7 @@ def left_in(place: Path) -> set[str]:
 
 
 def test_code_in_a_session_or_beside_it_is_not_run(place: Path) -> None:
-    assert main(["simulate", "s", "--campaign", "paper", "--seed", "1"]) == 0
+    assert main(["simulate", "s", "--campaign", "paper", "--scenarios", "2", "--seconds", "4"]) == 0
     for folder in (place, place / "s"):
         (folder / "mine.py").write_text(EFFECT.format(trace=str(place / "trace")))
     assert main(["compare", "s"]) == 0

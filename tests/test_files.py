@@ -1,6 +1,7 @@
 """What is written reads back before it replaces anything, nothing of others is deleted, and a file that was cut off opens."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -43,12 +44,19 @@ def test_any_formula_that_is_one_reads_back(tmp_path_factory: pytest.TempPathFac
     assert [p.name for p in folder.iterdir()] in ([], ["model.toml"])
 
 
+@pytest.fixture(scope="module")
+def added(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session and the model of an effect that was added to it."""
+    folder = tmp_path_factory.mktemp("added")
+    simulate(folder / "s", "full", seed=1, scenarios=1, seconds=5.0)
+    assert main(["add", "scale_asymmetry", str(folder / "s"), "--model", str(folder / "model.toml")]) == 0
+    return folder
+
+
 @pytest.mark.parametrize("text", ["own: k*t # a 'remark'", 'own: k*t #"""', "own: k*(t\n+ 1)"])
-def test_add_keeps_the_model_file(tmp_path: Path, text: str) -> None:
-    simulate(tmp_path / "s", "full", seed=1, scenarios=1, seconds=5.0)
-    model = str(tmp_path / "model.toml")
-    assert main(["add", "scale_asymmetry", str(tmp_path / "s"), "--model", model]) == 0
-    assert main(["add", text, str(tmp_path / "s"), "--model", model]) == 0
+def test_add_keeps_the_model_file(added: Path, tmp_path: Path, text: str) -> None:
+    model = shutil.copy(added / "model.toml", tmp_path)
+    assert main(["add", text, str(added / "s"), "--model", model]) == 0
     assert Model.open(model).ids[-2:] == ["scale_asymmetry", "own"]
 
 
@@ -63,22 +71,17 @@ def test_a_model_that_would_not_read_back_leaves_the_file(tmp_path: Path) -> Non
     assert [p.name for p in tmp_path.iterdir()] == ["model.toml"]
 
 
-@pytest.mark.parametrize(
-    "kept", ["s.partial", "s.truth.json.partial", "page.html.partial", "r.csv.partial", "model.toml.partial"]
-)
-def test_nothing_is_deleted_that_the_command_did_not_make(tmp_path: Path, kept: str) -> None:
-    if kept == "s.partial":
-        (tmp_path / kept).mkdir()
-        mine = tmp_path / kept / "mine.txt"
-    else:
-        mine = tmp_path / kept
-    mine.write_text("mine")
+def test_nothing_is_deleted_that_the_command_did_not_make(tmp_path: Path) -> None:
+    (tmp_path / "s.partial").mkdir()
+    names = ("s.partial/mine.txt", "s.truth.json.partial", "page.html.partial", "r.csv.partial", "model.toml.partial")
+    for name in names:
+        (tmp_path / name).write_text("mine")
     simulate(tmp_path / "s", "full", seed=1, scenarios=1, seconds=2.0)
     session, model = str(tmp_path / "s"), str(tmp_path / "model.toml")
     options = ["--html", str(tmp_path / "page.html"), "--residuals", str(tmp_path / "r.csv")]
     assert main(["compare", session, *options]) == 0
     assert main(["add", "scale_asymmetry", session, "--model", model]) == 0
-    assert mine.read_text() == "mine"
+    assert [(tmp_path / name).read_text() for name in names] == ["mine"] * len(names)
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
 
 

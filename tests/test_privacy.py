@@ -13,6 +13,7 @@ import pytest
 
 from device.wifi_board import WifiBoard
 from gyrocal.cli import command_modules, main
+from gyrocal.core import library
 from gyrocal.device.simulated import SimulatedDevice
 from make_runs import make_run, make_session
 from watched import CORE, FONTS, Watched
@@ -149,6 +150,14 @@ def test_every_verb_is_watched() -> None:
     assert {*CASES, "device", "workbench"} == set(command_modules())
 
 
+def bring_core(watched: Watched) -> None:
+    """The compiled core and device that an earlier command left, which ``verify`` and a changed header compile again."""
+    kept = watched.home / ".cache" / "gyrocal"
+    kept.mkdir(parents=True, mode=0o700)
+    for built in (library.build_core(), library.build_sim()):
+        shutil.copy(built, kept)
+
+
 @pytest.mark.parametrize("verb", CASES)
 def test_a_verb(
     verb: str, watched: Watched, port: str, require_tool: Callable[[str], str], require_module: Callable[[str], None]
@@ -156,6 +165,8 @@ def test_a_verb(
     case = CASES[verb]
     if CORE[0] in case.keeps:
         require_tool("cc")
+    if verb == "demo":
+        bring_core(watched)
     for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
         require_module(module)
     for line in case.lines:
@@ -170,6 +181,7 @@ def test_a_verb(
 
 def test_the_simulated_device(watched: Watched, require_tool: Callable[[str], str]) -> None:
     require_tool("cc")
+    bring_core(watched)
     for options in ([], ["--tcp", "127.0.0.1:0"]):
         process = watched.gyrocal("device", "--session", "s", "--speed", "max", *options)
         assert process.stdout is not None

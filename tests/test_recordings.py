@@ -10,9 +10,12 @@ from gyrocal.recording.session import AXES, Session
 from page_commands import beside, run, sections
 
 SECTIONS = sections("recordings.md")
+AGAIN = {"The swinging shaft, faster", "Faster in the hand before optical motion capture", "Raw counts of another rest"}
+"""Further recordings of the same rig and by the same commands as one before."""
+assert SECTIONS.keys() > AGAIN
 
 
-@pytest.mark.parametrize("title", SECTIONS)
+@pytest.mark.parametrize("title", [pytest.param(title, marks=[pytest.mark.wide] * (title in AGAIN)) for title in SECTIONS])
 def test_a_recording_is_imported_diagnosed_and_corrected(
     title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,9 @@ SWING = Path(__file__).resolve().parents[1] / "docs" / "examples" / "swing.csv.g
 MODEL = str(files("gyrocal") / "data" / "table2" / "model.toml")
 
 
+pytestmark = pytest.mark.usefixtures("known_answers")
+
+
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("small") / "s"

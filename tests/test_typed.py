@@ -10,6 +10,8 @@ import pytest
 
 from gyrocal.cli import command_modules, main
 
+pytestmark = pytest.mark.usefixtures("known_answers")
+
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> str:

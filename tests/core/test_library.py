@@ -98,9 +98,9 @@ def test_another_compiler_is_another_build(require_tool: Callable[[str], str], m
 
 def test_processes_that_build_at_once_agree(cache: Path) -> None:
     code = "from gyrocal.core.library import Core; print(Core().tanh(0.5).item())"
-    running = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    running = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
     assert len({process.communicate(timeout=60)[0] for process in running}) == 1
-    assert [process.returncode for process in running] == [0] * 4
+    assert [process.returncode for process in running] == [0] * 2
     assert len(list(cache.iterdir())) == 1
 
 

@@ -19,7 +19,7 @@ def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Sessi
     return simulate(None, "paper", effects, seed, scenarios=scenarios, seconds=25.0)[0]
 
 
-@pytest.mark.parametrize("effect", ["table_ripple", "spin_up"])
+@pytest.mark.parametrize("effect", ["table_ripple", pytest.param("spin_up", marks=pytest.mark.wide)])
 def test_the_planted_effect_is_named_and_added(effect: str) -> None:
     session = session_with([effect])
     found = diagnose(session)

@@ -205,7 +205,7 @@ def test_words_of_an_explanation(explained: Explanation, tmp_path: Path, capsys:
         write_explanation(tmp_path / "absent" / "e.html", found)
 
 
-@pytest.mark.parametrize(("seed", "white_dps"), [(2, 0.003), (3, 0.03)])
+@pytest.mark.parametrize(("seed", "white_dps"), [(2, 0.003), pytest.param(3, 0.03, marks=pytest.mark.wide)])
 def test_what_diagnose_is_sure_of_is_added(seed: int, white_dps: float) -> None:
     """diagnose said "add bias_temperature", and explain that adding it does not lower the error of held-out data."""
     rng, t_s, runs = np.random.default_rng(seed), np.arange(3200) / 200.0, []

@@ -60,7 +60,7 @@ def told(session: Session) -> dict[str, Any]:
     return {"compare": kept.of_compare(found.comparison.to_json()), "diagnose": kept.of_diagnose(found.to_json())}
 
 
-@pytest.fixture(scope="module", params=SESSIONS)
+@pytest.fixture(scope="module", params=["ripple", pytest.param("asymmetry", marks=pytest.mark.wide)])
 def session(request: pytest.FixtureRequest) -> Session:
     campaign, effects, size = SESSIONS[request.param]
     return simulate(None, campaign, effects, 11, **size)[0]

@@ -130,7 +130,9 @@ def test_before_and_after_share_the_richer_model_s_floor() -> None:
     assert moved.pooled.rms_dps == before.pooled.rms_dps
 
 
-@pytest.mark.parametrize("effect", ["bias_temperature:k1_dps_per_c=0.0006", "scale_asymmetry:k=0.00006"])
+@pytest.mark.parametrize(
+    "effect", ["bias_temperature:k1_dps_per_c=0.0006", pytest.param("scale_asymmetry:k=0.00006", marks=pytest.mark.wide)]
+)
 def test_compare_and_diagnose_agree_on_weak_effects(effect: str) -> None:
     """So weak that the effect's own test may find it where the general tests do not."""
     session = simulate(None, "full", [effect], 0, scenarios=1, seconds=10.0)[0]

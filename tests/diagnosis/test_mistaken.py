@@ -234,7 +234,7 @@ def harmonics(sizes_dps: dict[float, float]) -> Callable[[Array], Array]:
     return wave
 
 
-@pytest.mark.parametrize("width_deg", [8.0, 15.0])
+@pytest.mark.parametrize("width_deg", [8.0, pytest.param(15.0, marks=pytest.mark.wide)])
 def test_a_pulse_once_a_turn_is_no_ripple_and_its_harmonics_are_no_vibration(width_deg: float) -> None:
     """A magnet beside the table has lines at many whole numbers per turn; a ripple of four orders took the first of them."""
 
@@ -248,7 +248,9 @@ def test_a_pulse_once_a_turn_is_no_ripple_and_its_harmonics_are_no_vibration(wid
     assert [c.effect.id for c in found.candidates if c.decision in ("add", "suggest")] == []
 
 
-@pytest.mark.parametrize(("count", "length_s", "size_dps"), [(2, 160.0, 0.015), (4, 75.0, 0.012)])
+@pytest.mark.parametrize(
+    ("count", "length_s", "size_dps"), [(2, 160.0, 0.015), pytest.param(4, 75.0, 0.012, marks=pytest.mark.wide)]
+)
 def test_a_weak_pulse_once_a_turn_is_no_tone_of_one_order(count: int, length_s: float, size_dps: float) -> None:
     """None of its lines but the first stands out among all orders."""
 
@@ -259,7 +261,7 @@ def test_a_weak_pulse_once_a_turn_is_no_tone_of_one_order(count: int, length_s: 
     assert [c.effect.id for c in found.candidates if c.decision == "add"] == []
 
 
-@pytest.mark.parametrize(("order", "named"), [(1.0, True), (2.0, True), (1.08, False)])
+@pytest.mark.parametrize(("order", "named"), [(1.0, True), pytest.param(2.0, True, marks=pytest.mark.wide), (1.08, False)])
 def test_at_one_rate_a_wave_beside_a_whole_number_per_turn_is_not_fixed_to_the_table(order: float, named: bool) -> None:
     found = diagnose(turned(harmonics({order: 0.012}), 12, 17.0, axis=1))
     assert ("order_tone" in [c.effect.id for c in found.candidates if c.decision == "add"]) is named
@@ -277,7 +279,9 @@ def test_a_wave_smaller_than_any_table_makes_is_suggested(amplitude: float, name
     assert ripple.decision == ("add" if named else "suggest")
 
 
-@pytest.mark.parametrize("sizes_dps", [dict.fromkeys((1, 2, 3, 4), 0.02), {1: 0.03, 5: 0.03}])
+@pytest.mark.parametrize(
+    "sizes_dps", [pytest.param(dict.fromkeys((1, 2, 3, 4), 0.02), marks=pytest.mark.wide), {1: 0.03, 5: 0.03}]
+)
 def test_a_ripple_of_many_orders_is_named_also_beside_the_teeth_of_a_gear(sizes_dps: dict[float, float]) -> None:
     found = diagnose(turned(harmonics(sizes_dps)))
     assert "table_ripple" in [c.effect.id for c in found.candidates if c.named]

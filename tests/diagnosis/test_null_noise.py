@@ -29,10 +29,14 @@ def null() -> ModuleType:
 @pytest.mark.parametrize(
     ("kind", "seed"),
     [
-        ("low-pass, static", 0), ("flicker, low-pass", 0), ("flicker, static", 1),
-        ("level differs between runs", 0), ("low-pass 5-42 Hz", 22),
-        ("level changes, static", 2), ("level changes in a run", 2), ("correlated, coarse counts", 0), ("t3", 0),
-        ("bursts", 1), ("bursts, static", 1), ("10 Hz, flicker, static", 4),
+        ("low-pass, static", 0), ("level differs between runs", 0), ("low-pass 5-42 Hz", 22), ("level changes in a run", 2),
+        ("correlated, coarse counts", 0), ("t3", 0), ("bursts", 1), ("10 Hz, flicker, static", 4),
+        *(
+            pytest.param(kind, seed, marks=pytest.mark.wide)
+            for kind, seed in (
+                ("flicker, low-pass", 0), ("flicker, static", 1), ("level changes, static", 2), ("bursts, static", 1)
+            )
+        ),
     ],
 )  # fmt: skip
 def test_noise_of_sensors_is_adequate(null: ModuleType, kind: str, seed: int) -> None:

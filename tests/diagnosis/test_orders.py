@@ -108,7 +108,7 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
         assert named == {effect_id}
 
 
-@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.parametrize("seed", [3, pytest.param(5, marks=pytest.mark.wide)])
 def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: int) -> None:
     """A second line that noise explains had the tone judged on single samples, where nothing else can be compared with it."""
     session, _ = simulate(None, "paper", ["table_ripple"], seed, scenarios=3, seconds=20.0)
@@ -127,7 +127,7 @@ def test_runs_of_less_than_two_turns_tell_an_order_from_a_frequency() -> None:
     assert best.values["order"] == pytest.approx(4.25, abs=0.01)
 
 
-@pytest.mark.parametrize("order", [1.0, 7.0])
+@pytest.mark.parametrize("order", [1.0, pytest.param(7.0, marks=pytest.mark.wide)])
 def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns(order: float) -> None:
     """Turns by hand at a known angle sweep about a turn, over which there is no spectrum."""
     rng = np.random.default_rng(4)
@@ -184,7 +184,8 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
 
 
 @pytest.mark.parametrize(
-    ("size_dps", "latitude_deg", "named"), [(0.004, None, False), (0.004, 75.0, True), (0.012, None, True)]
+    ("size_dps", "latitude_deg", "named"),
+    [(0.004, None, False), (0.004, 75.0, True), pytest.param(0.012, None, True, marks=pytest.mark.wide)],
 )
 def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     size_dps: float, latitude_deg: float | None, named: bool

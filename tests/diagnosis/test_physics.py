@@ -31,11 +31,13 @@ def session_of(campaign: str, *effects: str, seed: int = 3) -> Session:
     ("campaign", "spec", "name", "value"),
     [
         ("shaker", "g2_sensitivity:k_dps_per_g2=0.01", "k_dps_per_g2", 0.01),
-        ("shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03),
+        pytest.param(
+            "shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03, marks=pytest.mark.wide
+        ),
         ("swing", "dead_band:width_dps=0.5", "width_dps", 0.5),
         ("chamber", "thermal_hysteresis:amplitude_dps=-0.05,width_c=10", "amplitude_dps", -0.05),
         ("swing", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
-        ("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
+        pytest.param("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12, marks=pytest.mark.wide),
     ],
 )
 def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, name: str, value: float) -> None:
@@ -60,7 +62,7 @@ def test_single_readings_that_lack_a_carry_are_no_jumps() -> None:
     assert note.endswith("each by 128 counts: bit 7 lacks a carry or is of another sample")
 
 
-@pytest.mark.parametrize("campaign", ["shaker", "swing", "chamber"])
+@pytest.mark.parametrize("campaign", ["shaker", pytest.param("swing", marks=pytest.mark.wide), "chamber"])
 def test_sessions_without_an_effect_are_quiet(campaign: str) -> None:
     found = diagnose(session_of(campaign, seed=1))
     assert found.verdict == "adequate", (found.unknown, [c.effect.id for c in found.candidates if c.decision == "add"])
@@ -213,7 +215,7 @@ def test_a_tone_of_the_same_shaker_larger_than_the_lines_stays() -> None:
     assert "vibration_tone" in named
 
 
-@pytest.mark.parametrize("passed", [0.0, 0.3])
+@pytest.mark.parametrize("passed", [pytest.param(0.0, marks=pytest.mark.wide), 0.3])
 def test_a_vibration_is_rectified_behind_a_low_pass_too(passed: float) -> None:
     """The lines that the reading lacks denied the effect, whose coefficient is that of the slow part."""
     found = explain(on_a_sine(5, passed=passed))

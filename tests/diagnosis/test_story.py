@@ -20,10 +20,10 @@ def session_of(campaign: str, *effects: str, seed: int = 5) -> Session:
 
 
 STORIES = [
-    ("full", "g_sensitivity", "z"),
+    pytest.param("full", "g_sensitivity", "z", marks=pytest.mark.wide),
     ("full", "misalignment", "x"),
     ("paper", "warmup:A_dps=0.1,tau_s=15", "z"),
-    ("swing", "lag", "z"),
+    pytest.param("swing", "lag", "z", marks=pytest.mark.wide),
 ]
 
 
@@ -86,7 +86,9 @@ def test_without_its_file_the_same_data_are_unknown(rippled: Session) -> None:
     assert found.unknown["amplitude_dps"] == pytest.approx(78.0 * 0.0016, rel=0.1)
 
 
+@pytest.mark.wide
 def test_two_effects_are_found_one_by_one() -> None:
+    """`explain` does the same of other effects (test_explain.py), and so does the blind benchmark of its pairs."""
     session = session_of("full", "g_sensitivity", "scale_temperature:k_per_c=3e-4")
     model: Model | None = None
     named = []

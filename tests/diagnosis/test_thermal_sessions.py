@@ -73,7 +73,7 @@ def test_a_one_way_ramp_stays_ambiguous_with_a_noisy_thermometer(noise_c, count_
     assert abs(temperature.values["k1_dps_per_c"] - K1) < 3 * temperature.se["k1_dps_per_c"]
 
 
-@pytest.mark.parametrize("mean_c", [70.0, -20.0])
+@pytest.mark.parametrize("mean_c", [70.0, pytest.param(-20.0, marks=pytest.mark.wide)])
 def test_a_chamber_at_any_temperature_shows_the_same(mean_c):
     found = diagnose(thermal(0, chamber, mean_c))
     assert found.verdict == "add"
@@ -86,7 +86,7 @@ def swinging(p_s, t_s, cycle, face, mean_c):
     return mean_c + 1.5 * np.sin(2 * np.pi * (cycle / 4 + face / 8 + t_s / 40))
 
 
-@pytest.mark.parametrize("seed", [0, 5])
+@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.wide)])
 def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_a_line_over_temperature(seed):
     """Its play operator hardly moves, and bias_temperature and thermal_hysteresis were named as a group."""
     found = diagnose(thermal(seed, swinging, 45.0))
@@ -135,7 +135,7 @@ def test_the_bias_of_a_hot_session_is_stated_at_25_degrees_with_its_error():
     assert np.sqrt(np.mean(np.square(z))) < 2
 
 
-@pytest.mark.parametrize("lacking", [(2, 5), (0, 1, 7)])
+@pytest.mark.parametrize("lacking", [pytest.param((2, 5), marks=pytest.mark.wide), (0, 1, 7)])
 def test_runs_without_a_thermometer_leave_the_effect_to_the_others(lacking):
     found = diagnose(thermal(3, chamber, 45.0, k1=0.03, lacking=lacking))
     assert found.best.effect.id == "bias_temperature"
@@ -161,7 +161,7 @@ def test_a_model_with_temperature_gives_runs_without_it_a_bias_of_their_own():
     assert hot.values["k1_dps_per_c"] == pytest.approx(cool.values["k1_dps_per_c"], abs=0.2 * cool.se["k1_dps_per_c"])
 
 
-@pytest.mark.parametrize(("seed", "lacking"), [(0, ()), (1, (2, 3))])
+@pytest.mark.parametrize(("seed", "lacking"), [pytest.param(0, (), marks=pytest.mark.wide), (1, (2, 3))])
 def test_without_an_effect_none_is_named(seed, lacking):
     for climate, mean_c in ((one_way, 45.0), (chamber, 25.0)):
         assert diagnose(thermal(seed, climate, mean_c, k1=0.0, lacking=lacking)).verdict == "adequate"
@@ -183,7 +183,7 @@ def ramps(start, seconds=120.0, rate_hz=25.0):
     return make_session(*made, lsb_dps=0.00875)
 
 
-@pytest.mark.parametrize("start", [-0.6, 0.0, 0.6])
+@pytest.mark.parametrize("start", [-0.6, *(pytest.param(start, marks=pytest.mark.wide) for start in (0.0, 0.6))])
 def test_ramps_up_and_down_show_a_hysteresis_though_no_power_cycle_turns(start):
     """It was not measurable, and jumps of the bias or a warm-up were named in its place. ``start``: where the part begins."""
     found = diagnose(ramps(start))

@@ -22,6 +22,7 @@ from make_runs import Array, make_run, make_session
 
 RATE_HZ, SECONDS, NOISE_DPS, WITHIN = 50.0, 24.0, 0.02, 0.2
 T_S = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
+SEEDS = [0, pytest.param(1, marks=pytest.mark.wide)]
 NUMBER = r"([+-]?[\d.]+(?:e[+-]?\d+)?)"
 
 
@@ -126,7 +127,7 @@ def test_a_curve_over_temperature(shape: str) -> None:
     check_window(made, first, made.temp_c, "°C")
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_curve_over_the_time_of_a_run(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, tau_s = rng.uniform(0.05, 0.3) * rng.choice([-1, 1]), rng.uniform(3, 12)
@@ -182,7 +183,7 @@ def test_a_transient_of_each_run(seed: int) -> None:
     assert ("much the same size" in told.note) == (np.std(fitted) < 0.3 * abs(fitted.mean()))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_tone(seed: int) -> None:
     rng = np.random.default_rng(seed)
     hz, size = rng.uniform(2, 20), rng.uniform(0.01, 0.1)
@@ -197,7 +198,7 @@ def test_a_tone(seed: int) -> None:
     assert number(first.note, rf"{NUMBER} mdps") == pytest.approx(1e3 * drawn, rel=WITHIN)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_difference_between_rates(seed: int) -> None:
     """A square of the rate, at five rates."""
     rng = np.random.default_rng(seed)
@@ -291,7 +292,7 @@ def noise(rng: np.random.Generator) -> Array:
     return rng.normal(0, NOISE_DPS, (8, 3, T_S.size))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_friction_is_told_between_a_rising_and_a_falling_rate(seed: int) -> None:
     rng = np.random.default_rng(seed)
     phase = 2 * np.pi * T_S / 6 + rng.uniform(0, 2 * np.pi, (8, 1))
@@ -301,7 +302,7 @@ def test_friction_is_told_between_a_rising_and_a_falling_rate(seed: int) -> None
     moved.check("direction", "between a rate that rises and one that falls$", rises)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_an_offset_of_one_direction_of_the_table_is_told_by_its_sign(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rates = np.array([30.0, 60.0, 90.0, -30.0, -60.0, -90.0, 30.0, -30.0])
@@ -315,7 +316,7 @@ def test_an_offset_of_one_direction_of_the_table_is_told_by_its_sign(seed: int) 
     assert float(said[1]) == pytest.approx(1e3 * (drawn[inside].mean() - drawn.mean()), rel=WITHIN)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_an_offset_of_one_face_is_told_by_the_face(seed: int) -> None:
     rng = np.random.default_rng(seed)
     faces = np.array([1, -1, 1, -1, 1, -1, 1, -1])
@@ -329,7 +330,7 @@ def test_an_offset_of_one_face_is_told_by_the_face(seed: int) -> None:
     assert float(said[1]) == pytest.approx(1e3 * size * (1 if said[2] == "up" else -1), rel=WITHIN)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_part_in_proportion_to_the_acceleration_has_its_size(seed: int) -> None:
     rng = np.random.default_rng(seed)
     sway = np.sin(2 * np.pi * T_S / 11 + rng.uniform(0, 2 * np.pi, (8, 1)))
@@ -342,7 +343,7 @@ def test_a_part_in_proportion_to_the_acceleration_has_its_size(seed: int) -> Non
     Moved(rate_dps, size * sway, noise(rng), keys).check("acceleration", "in proportion to the acceleration$", sway)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_curve_over_the_time_since_power_on_has_its_window_and_size(seed: int) -> None:
     rng = np.random.default_rng(seed)
     on_s = np.linspace(1, 170, 8)
@@ -359,7 +360,7 @@ def test_a_curve_over_the_time_since_power_on_has_its_window_and_size(seed: int)
     assert number(first.note, rf"mostly {NUMBER} mdps") == pytest.approx(1e3 * (drawn[inside].mean() - drawn.mean()), WITHIN)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_tone_of_a_broken_number_per_turn_is_told_on_an_axis_across_the_table_s(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rates, order, size = np.array([60.0, 90.0, 120.0, -75.0] * 2), rng.choice([3.5, 4.25, 6.5]), rng.uniform(0.03, 0.1)
@@ -375,7 +376,7 @@ def test_a_tone_of_a_broken_number_per_turn_is_told_on_an_axis_across_the_table_
     assert first.amplitude_dps == pytest.approx(size, rel=WITHIN)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> None:
     rng = np.random.default_rng(seed)
     phase = 2 * np.pi * T_S / 12 + rng.uniform(0, 2 * np.pi, (8, 1))
@@ -392,7 +393,7 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     assert number(first.note, rf"mostly {NUMBER}% of the rate") == pytest.approx(100 * (of_rate - whole), rel=WITHIN)
 
 
-@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=pytest.mark.wide)])
 def test_a_ramp_of_the_temperature_in_each_run_is_no_start_up_transient(seed: int) -> None:
     """It was told as a transient of 11 mdps of another size in each run, before or without 139 mdps against the temperature."""
     found = measure(simulate(None, "bench", ["bias_temperature"], seed)[0])

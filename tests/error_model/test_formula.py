@@ -18,6 +18,8 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import add_measured
 
+pytestmark = pytest.mark.usefixtures("known_answers")
+
 
 @pytest.fixture(scope="module")
 def session() -> Session:

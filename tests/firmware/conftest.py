@@ -1,7 +1,7 @@
 """The port on a board in virtual time (the folder board), and what it says there."""
 
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,7 @@ from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
 
 HERE = Path(__file__).parent
 SANITIZE = ["-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FOLDERS = [f"-I{folder}" for folder in (SRC, CORE, INCLUDE, SIM, HERE / "arduino")]
 PINS = ["-DGYROCAL_SDA=21", "-DGYROCAL_SCL=22", "-DGYROCAL_SDA2=17", "-DGYROCAL_SCL2=16", "-DGYROCAL_LED=13"]
 CHIPS = [f"0 chip {i}" for i in range(4)]
 UP = [8950 + 10 * i for i in range(4)]
@@ -23,13 +24,21 @@ Play = Callable[..., str]
 PlayBoth = Callable[..., tuple[str, str]]
 
 
+def compile_core(compiled: Objects, folder: Path, gcc: str) -> None:
+    """Put the objects of the core and of the emulated parts into a folder."""
+    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *FOLDERS], [*CORE.rglob("*.c"), *SIM.glob("emul*.c")])
+
+
+def compile_cpp(compiled: Objects, folder: Path, gxx: str, sources: Iterable[Path], *more: str) -> None:
+    """Put the objects of sources of the port or of the board into a folder."""
+    compiled.into(folder, [gxx, "-std=gnu++14", *SANITIZE, *PINS, *more, *FOLDERS], sources)
+
+
 def compile_board(compiled: Objects, folder: Path, gxx: str, gcc: str, *more: str) -> Path:
     """The port with these pins. The core names no pin, so that its objects are those of every board."""
-    folders = [f"-I{f}" for f in (SRC, CORE, INCLUDE, SIM, HERE / "arduino")]
-    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *folders], [*CORE.rglob("*.c"), *SIM.glob("emul*.c")])
-    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *PINS, *more, *folders], [SRC / "headers.c"])
-    sources = [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")]
-    compiled.into(folder, [gxx, "-std=gnu++14", *SANITIZE, *PINS, *more, *folders], sources)
+    compile_core(compiled, folder, gcc)
+    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, *PINS, *more, *FOLDERS], [SRC / "headers.c"])
+    compile_cpp(compiled, folder, gxx, [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")], *more)
     program = folder / "board"
     objects = sorted(map(str, folder.glob("*.o")))
     subprocess.run([gxx, *SANITIZE, *objects, "-pthread", "-lm", "-o", str(program)], check=True)

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compiled import Objects
 from gyrocal import __version__
 from gyrocal.cli import main
 from gyrocal.core.firmware_project import create_library
 from gyrocal_firmware import CORE, LIBRARY, SIM
 
-from .conftest import HERE, PINS, SANITIZE, sentences, turn
+from .conftest import HERE, SANITIZE, compile_core, compile_cpp, sentences, turn
 
 UP, DOWN = [8950], [-8960]
 EXAMPLES = ["Calibrate", "CorrectedStream", "ReadingsOnly"]
@@ -28,14 +29,20 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def objects(library: Path, require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library's C, the emulated parts and the board without the firmware's port."""
-    folder = tmp_path_factory.mktemp("objects")
-    flags = [*SANITIZE, *PINS, f"-I{library / 'src'}", f"-I{SIM}", f"-I{HERE / 'arduino'}", "-c"]
-    sources = [*(library / "src").rglob("*.c"), *SIM.glob("emul*.c")]
-    subprocess.run([require_tool("gcc"), "-std=gnu99", *flags, *map(str, sources)], cwd=folder, check=True)
-    board = map(str, (HERE / "board").glob("*.cpp"))
-    subprocess.run([require_tool("g++"), "-std=gnu++14", *flags, *board], cwd=folder, check=True)
+def objects(
+    library: Path, compiled: Objects, require_tool: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The library's C, the emulated parts and the board without the firmware's port.
+
+    The library's C is that of the core, of which there are objects for the tests of the port. CMake builds it in its own place.
+    """
+    own, core = ({c.name: c.read_bytes() for c in folder.rglob("*.c")} for folder in (library / "src", CORE))
+    headers = library / "src" / "headers.c"
+    assert own == core | {headers.name: headers.read_bytes()}
+    folder, gcc = tmp_path_factory.mktemp("objects"), require_tool("gcc")
+    compile_core(compiled, folder, gcc)
+    compiled.into(folder, [gcc, "-std=gnu99", *SANITIZE, f"-I{library / 'src'}"], [headers])
+    compile_cpp(compiled, folder, require_tool("g++"), (HERE / "board").glob("*.cpp"))
     return folder
 
 

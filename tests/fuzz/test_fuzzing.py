@@ -6,7 +6,7 @@ from pathlib import Path
 import fuzzing
 import pytest
 
-SECONDS = 4
+SECONDS = 2
 
 
 @pytest.fixture(scope="module")

@@ -25,9 +25,9 @@ def coverage() -> Any:
     ("effect_id", "size", "names"),
     [
         ("warmup", "triple", ["A_dps", "tau_s"]),
-        ("table_ripple", "triple", ["amplitude_1"]),
+        pytest.param("table_ripple", "triple", ["amplitude_1"], marks=pytest.mark.wide),
         ("vibration_tone", "typical", ["A_dps", "f_hz"]),
-        ("spin_up", "typical", ["A", "tau_s"]),
+        pytest.param("spin_up", "typical", ["A", "tau_s"], marks=pytest.mark.wide),
         ("bias_temperature", "typical", ["k1_dps_per_c"]),
     ],
 )

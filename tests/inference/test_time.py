@@ -144,7 +144,9 @@ def test_a_calibration_by_a_model_with_a_delay_has_the_scale() -> None:
         assert found.scale_se < 1e-3
 
 
-@pytest.mark.parametrize(("name", "effect_id"), [("delay 100 ms", "lag"), ("clock 0.001", "clock_error")])
+@pytest.mark.parametrize(
+    ("name", "effect_id"), [("delay 100 ms", "lag"), pytest.param("clock 0.001", "clock_error", marks=pytest.mark.wide)]
+)
 def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: str) -> None:
     found = diagnose(BENCHMARK.session(CELLS[name], 2))
     assert found.best is not None
@@ -182,7 +184,7 @@ def test_a_search_for_a_delay_stays_within_the_reference(tmp_path: Path) -> None
     assert late.design.n_blocks.sum() > current.design.n_blocks.sum() / 4
 
 
-@pytest.mark.parametrize("e", [5e-5, -5e-4])
+@pytest.mark.parametrize("e", [5e-5, pytest.param(-5e-4, marks=pytest.mark.wide)])
 def test_a_delay_and_a_clock_that_cancel_within_the_runs_are_named_together(e: float) -> None:
     """Alone, the clock's error would be found a quarter of its size and hundreds of errors off, and the delay not at all."""
     rng = np.random.default_rng(2)

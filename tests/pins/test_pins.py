@@ -13,10 +13,12 @@ from .compare import agree, differences, figure, same, with_quarters
 from .record import HERE, SESSIONS, check, command
 
 KILOBYTES = 50
+SLOW = ("swing", "bench")
+"""Sessions whose answers take half of the time of all."""
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
-@pytest.mark.parametrize("name", SESSIONS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.wide] * (name in SLOW)) for name in SESSIONS])
 def test_answers_are_as_recorded(name: str, tmp_path: Path, require_tool) -> None:
     require_tool("cc")
     assert check(name, tmp_path) == []

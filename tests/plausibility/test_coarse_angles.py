@@ -22,7 +22,11 @@ def judged(session: Session) -> tuple[str, float, float]:
 
 
 @pytest.mark.parametrize(
-    ("step_deg", "rate_hz", "swing_dps"), [(1.0, 100.0, 25.0), (1.0, 200.0, 50.0), (0.36, 200.0, 15.0), (3.0, 50.0, 60.0)]
+    ("step_deg", "rate_hz", "swing_dps"),
+    [
+        (1.0, 100.0, 25.0), pytest.param(1.0, 200.0, 50.0, marks=pytest.mark.wide),
+        pytest.param(0.36, 200.0, 15.0, marks=pytest.mark.wide), (3.0, 50.0, 60.0),
+    ],
 )
 def test_coarse_steps_are_no_jumps_and_no_wrong_scale(step_deg: float, rate_hz: float, swing_dps: float) -> None:
     """The samples beside each step were left out, and what remained said a scale error of -46 %."""
@@ -36,7 +40,10 @@ def test_coarse_steps_are_no_jumps_and_no_wrong_scale(step_deg: float, rate_hz: 
 
 @pytest.mark.parametrize(
     ("encoder_hz", "rate_hz", "step_deg", "swing_dps"),
-    [(7.3, 50.0, 0.02, 20.0), (12.7, 100.0, 0.02, 60.0), (7.3, 50.0, 0.5, 20.0), (31.0, 200.0, 0.3, 20.0)],
+    [
+        (7.3, 50.0, 0.02, 20.0), pytest.param(12.7, 100.0, 0.02, 60.0, marks=pytest.mark.wide),
+        pytest.param(7.3, 50.0, 0.5, 20.0, marks=pytest.mark.wide), (31.0, 200.0, 0.3, 20.0),
+    ],
 )
 def test_a_held_angle_is_read_at_its_own_rate(encoder_hz: float, rate_hz: float, step_deg: float, swing_dps: float) -> None:
     """Each change of a held angle was a jump, and "z reads 0.06 of the true rate"."""
@@ -65,7 +72,7 @@ def repeated(session: Session, every: int) -> Session:
     )
 
 
-@pytest.mark.parametrize(("every", "step_deg"), [(4, 0.02), (10, 0.02), (4, 0.3)])
+@pytest.mark.parametrize(("every", "step_deg"), [(4, 0.02), pytest.param(10, 0.02, marks=pytest.mark.wide), (4, 0.3)])
 def test_a_repeated_angle_is_as_good_as_one_with_empty_cells(every: int, step_deg: float) -> None:
     session = repeated(encoder_session(81, step_deg=step_deg, swing_dps=40.0), every)
     assert check(session) == []

@@ -116,7 +116,7 @@ def with_beat(seconds: float) -> Session:
 
 @pytest.mark.slow
 def test_a_new_variable_is_probed_kept_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = with_beat(42)
+    session = with_beat(21)
     monkeypatch.setitem(variables(), Beat.name, Beat)
     found = compare(session)
     first = found.where[0]

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -20,6 +21,8 @@ ARGUMENTS = [
     "--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]  # fmt: skip
 """The last one: Chromium asks for names of its maker's hosts as it starts, and gets none."""
+LOOK_MS = 100.0
+"""Between two looks at a condition. Playwright looks at each frame, and a chart copies all its data for each look."""
 PATIENCE_S, MOST_PATIENCE_S = 60.0, 180.0
 
 
@@ -95,6 +98,7 @@ def look(chromium: Any) -> Iterator[Callable[..., Any]]:
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(1e3 * patience_s())
+        page.wait_for_function = partial(page.wait_for_function, polling=LOOK_MS)
         host = urlsplit(url).netloc
 
         def request(asked: Any) -> None:

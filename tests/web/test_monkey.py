@@ -17,7 +17,7 @@ from gyrocal.web.widgets.export import BOX, PNG
 
 from .monkey import play
 
-ACTS, SEED = 80, 7
+ACTS, SEED = 40, 7
 COSTLY = "Train it|Write it|Simulate and look|Surprise me|Another one"
 
 

@@ -28,17 +28,18 @@ def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.Te
     return serve(folder, "s")
 
 
-@pytest.mark.slow
-def test_trained_verified_and_exported(
-    served: Any, look: Callable[..., Any], require_tool: Callable[[str], str], require_module: Callable[[str], None]
-) -> None:
-    require_tool("cc")
+def opened(look: Callable[..., Any], served: Any, require_module: Callable[[str], None]) -> tuple[Any, Any]:
+    """The page, and its part about the network."""
     for module in training.NEEDED:
         require_module(module)
-    page, folder = look(f"{served.url}calibrate"), served.folder
+    page = look(f"{served.url}calibrate")
     page.locator("table.plain tbody tr").first.wait_for()
-    network = page.locator("[aria-label=network]")
+    return page, page.locator("[aria-label=network]")
 
+
+@pytest.mark.slow
+def test_a_training_is_stopped(served: Any, look: Callable[..., Any], require_module: Callable[[str], None]) -> None:
+    page, network = opened(look, served, require_module)
     network.get_by_label("folder").fill("stopped")
     network.get_by_role("button", name="Train it").click()
     network.get_by_text(re.compile(r"epoch \d+ of 40, loss [-\d.]+, \d+ (s|min) left")).wait_for()
@@ -49,8 +50,18 @@ def test_trained_verified_and_exported(
     )
     network.get_by_role("button", name="Stop training").click()
     page.get_by_text("Training: stopped").wait_for()
-    assert not (folder / "stopped").exists()
+    assert not (served.folder / "stopped").exists()
 
+
+@pytest.mark.wide
+@pytest.mark.slow
+def test_trained_verified_and_exported(
+    served: Any, look: Callable[..., Any], require_tool: Callable[[str], str], require_module: Callable[[str], None]
+) -> None:
+    """A whole training. That a training can be exported and verified is proven beside the page (tests/model_export)."""
+    require_tool("cc")
+    page, network = opened(look, served, require_module)
+    folder = served.folder
     network.get_by_label("folder").fill("mine")
     network.get_by_label("epochs").fill("1")
     network.get_by_role("button", name="Train it").click()

@@ -108,9 +108,7 @@ def build(
         units = [*map(str, sources), *(str(Path(folder, file)) for file in texts if file.endswith(".c"))]
         includes = [f"-I{path}" for path in (folder, *include_dirs)]
         output = Path(folder, "out")
-        done = subprocess.run(
-            [*command, *FLAGS, *flags, *includes, *units, "-o", str(output), "-lm"], capture_output=True, text=True
-        )
+        done = _compile([*command, *FLAGS, *flags, *includes], units, output)
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines()
             first = next((line for line in lines if "error:" in line), lines[0] if lines else f"exit {done.returncode}")
@@ -119,6 +117,10 @@ def build(
         built = folder_of_all / f"{key_name}{_hash_of(output)}{'.so' if '-shared' in flags else ''}"
         os.replace(output, built)
     return built
+
+
+def _compile(command: Sequence[str], units: Sequence[str], output: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*command, *units, "-o", str(output), "-lm"], capture_output=True, text=True, check=False)
 
 
 def _hash_of(path: Path) -> str:
