@@ -48,9 +48,9 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
 
     passed = sorted(named, key=lambda c: (of_another(c), -(c.gain or 0.0)))
 
-    def unproven(axis: str) -> list[Candidate]:
+    def beside_first(axis: str) -> dict[int, Candidate]:
         first, *others = (c for c in passed if c.axis == axis)
-        kept, out = [first], list[Candidate]()
+        kept, changed = [first], dict[int, Candidate]()
         current, added = Current.of(comparison, axis), 0
         for c in others:
             if any(c.effect.id in better.group for better in kept):
@@ -58,12 +58,17 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
             for better in kept[added:]:
                 current = current.with_effect(better.effect, better.values)
             added = len(kept)
-            (kept if _gains(judge(current, c.effect), kept, tested) else out).append(c)
-        return out
+            again = judge(current, c.effect)
+            if _gains(again, kept, tested):
+                kept.append(c)
+                changed[id(c)] = replace(c, gain_beside=again.gain)
+            else:
+                changed[id(c)] = replace(c, decision="suggest", group=())
+        return changed
 
     axes = sorted({c.axis for c in passed if sum(other.axis == c.axis for other in passed) > 1})
-    out = {id(c) for of_axis in each(unproven, axes, comparison.fit.session.rows) for c in of_axis}
-    return [replace(c, decision="suggest", group=()) if id(c) in out else c for c in candidates]
+    changed = {key: c for of_axis in each(beside_first, axes, comparison.fit.session.rows) for key, c in of_axis.items()}
+    return [changed.get(id(c), c) for c in candidates]
 
 
 def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:

@@ -50,7 +50,8 @@ class Candidate:
     """Standard deviation of the gain over the noise of measured columns, which a computed column of the same shape lacks."""
     enough: bool = False
     """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
-
+    gain_beside: float | None = None
+    """Its held-out gain with the better names of its axis in the model; None if it is the best one."""
     log_odds: float | None = None
     """Logarithm of the odds of the sets that hold the effect, as if the world outside them had one of the rests' shapes."""
     group_log_odds: float | None = None
@@ -86,7 +87,7 @@ class Candidate:
         effect describes has some part at their frequencies.
         """
         if self.log_odds is None:
-            large = self.gain is not None and self.gain >= POLICY.unweighed_gain
+            large = max(self.gain or 0.0, self.gain_beside or 0.0) >= POLICY.unweighed_gain
             return not self.tiny and (large or not self._is_never_weighed)
         return curve.supported(self.log_odds, self.checks, self.gain, self.gain_se)
 
