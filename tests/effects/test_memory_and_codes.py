@@ -373,3 +373,19 @@ def test_the_digits_of_a_log_make_no_clipping(make_run: MakeRun, digits: int) ->
         y_dps = np.round((top + codes) * 250 / 32768, digits)
         run = make_run(np.arange(y_dps.size) / 100, y_dps[:, None] * [0.0, 0.0, 1.0], table_rate_dps=0.0)
         assert fault.detect([run], 2) is None, top
+
+
+@pytest.mark.parametrize(("limit_dps", "white_counts"), [(101.5, 10.0), (1000.0, 10.0), (1000.0, 0.2)])
+def test_a_table_that_holds_a_rate_beyond_the_range_comes_to_the_limit_once(
+    make_run: MakeRun, limit_dps: float, white_counts: float
+) -> None:
+    """A quiet sensor stays at one code as well while the table holds its rate, but it does so between other codes, too."""
+    w_dps = np.clip(900 * np.sin(2 * np.pi * np.arange(6000) / 6000), -100.0, 100.0)
+    noise = np.random.default_rng(3).normal(0, white_counts * LSB_DPS, w_dps.size)
+    clipped = np.clip(1.002 * w_dps + 3.4 + noise, -limit_dps, limit_dps)
+    fault = effect("saturation").fault
+    assert fault is not None
+    run = replace(swinging(make_run, np.rint(clipped / LSB_DPS) * LSB_DPS, w_dps), lsb_dps=LSB_DPS)
+    found = fault.detect([run], 2)
+    assert (found is not None) is (limit_dps < 1000)
+    assert found is None or found.values["full_scale_dps"] == pytest.approx(limit_dps, abs=LSB_DPS)

@@ -70,7 +70,7 @@ class Saturation(ReadingFault):
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Detect readings that heap up at the largest value, or stay near it while the true rate goes on."""
-        at_one_value = (method(runs, axis) for method in (self._heap, self.constant))
+        at_one_value = (method(runs, axis) for method in (self._heap, self._stay, self.constant))
         shown = [found for found in at_one_value if found is not None and found.chance < SHOWN]
         if shown:
             return min(shown, key=lambda found: found.chance)
@@ -104,6 +104,28 @@ class Saturation(ReadingFault):
         counted = heaped / dwell
         chance = float(tails.normal((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
         return Detected({"full_scale_dps": limit}, {}, chance)
+
+    def _stay(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Readings that stay at exactly the largest value much longer than noise lets them stay at any other.
+
+        A table that holds its fastest rate comes there once and stays, so that the number of dwells tells nothing.
+        """
+        step_dps = max(max(float(r.step_dps[axis]) for r in runs), grid_dps([r.gyro_dps[:, axis] for r in runs]))
+        if white_sd_dps(runs, axis) < step_dps:  # between two codes, a sound reading may stay at one as well
+            return None
+        limit = max((float(np.abs(r.gyro_dps[:, axis]).max()) for r in runs), default=0.0)
+        there, elsewhere = [np.zeros(0, int)], [np.ones(1, int)]
+        for r in runs:
+            y_dps = r.gyro_dps[:, axis]
+            first = np.flatnonzero(np.diff(y_dps, prepend=np.nan) != 0)
+            lengths, at = np.diff(first, append=y_dps.size), np.abs(y_dps[first]) > limit - ROUNDING_DPS
+            there.append(lengths[at])
+            elsewhere.append(lengths[~at])
+        stays = np.concatenate(there)
+        if stays.sum() < LEAST_HEAPED:
+            return None
+        again = 1 - 1 / (int(np.concatenate(elsewhere).max()) + 1)
+        return Detected({"full_scale_dps": limit}, {}, float(again ** int(stays.sum() - stays.size)))
 
     def constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Runs that never leave the largest value, where a line through the other runs predicts far more.
