@@ -16,11 +16,11 @@ from gyrocal.evidence.checked import Checks
 from gyrocal.policy import POLICY
 
 KNOTS = (
-    (-4.4093, 0.006), (-3.2252, 0.009), (-1.7499, 0.051), (-0.4707, 0.204), (0.5611, 0.387), (1.8035, 0.658), (3.4884, 0.854),
-    (7.042, 0.905), (17.8577, 0.907),
+    (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4641, 0.211), (0.5771, 0.381), (1.7931, 0.647), (3.456, 0.86),
+    (7.0345, 0.895), (17.6801, 0.895),
 )  # fmt: skip
-FAILED = 0.316
-NAMED = 0.943
+FAILED = 0.309
+NAMED = 0.952
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:
