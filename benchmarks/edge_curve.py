@@ -22,6 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks import edge_table
 from benchmarks.edge_table import Row
 
+from gyrocal.evidence.curve import sure
+
 EDGES = (-14.0, -4.0, -2.2, -0.85, 0.0, 1.4, 2.2, 4.6, 10.0, np.inf)
 MOST = 20.0
 """Log odds beyond this count as this in the means."""
@@ -75,10 +77,22 @@ def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
     for row in (edge_table.decided_today(row) for row in rows if row["error"] is None):
         right = {tuple(name) for name in row["truth"]["right"]}
         judged = {(c["effect"], c["axis"]) for c in row["candidates"] if c.get("log_odds") is not None}
-        sure = set(edge_table.sure(row))
-        kept += [name in right for name in sure & judged]
-        taken += [name in right for name in (set(edge_table.sure(edge_table.of_tests(row))) - sure) & judged]
+        names = set(edge_table.sure(row))
+        kept += [name in right for name in names & judged]
+        taken += [name in right for name in (set(edge_table.sure(edge_table.of_tests(row))) - names) & judged]
     return kept, taken
+
+
+def unnamed(rows: Sequence[Row]) -> list[bool]:
+    """Of the effects of which the evidence is sure, and which are no sure names today: is each true?"""
+    found = []
+    for row in (edge_table.decided_today(row) for row in rows if row["error"] is None):
+        right, named = {tuple(name) for name in row["truth"]["right"]}, edge_table.sure(row)
+        for c in row["candidates"]:
+            name = (c["effect"], c["axis"])
+            if c["log_odds"] is not None and name not in named and sure(c["log_odds"], edge_table.checks_of(c)):
+                found.append(name in right)
+    return found
 
 
 def main() -> None:
@@ -91,6 +105,9 @@ def main() -> None:
     kept, taken = named(rows)
     bound = edge_table.upper(kept.count(False), len(kept))
     print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
+    refused = unnamed(rows)
+    print(f"UNNAMED = {round(sum(refused) / max(len(refused), 1), 3)}")
+    print(f"effects of which the evidence is sure, without a sure name: {sum(refused)} of {len(refused)} true")
     print(f"sure names that the evidence can judge: {sum(kept)} of {len(kept)} true")
     print(f"those of the tests alone that it does not support: {sum(taken)} of {len(taken)} true")
     for passed in (True, False):

@@ -24,7 +24,7 @@ from gyrocal.present.output import stdout, table
 Row = dict[str, Any]
 NEAREST = (0.0, 2.0, 4.0, 8.0, 12.01, np.inf)
 DISTURBED = (0.0, 3.0, 10.0, 30.0, np.inf)
-PROBABILITY = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
+PROBABILITY = (0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.93, 1.0)
 ONE_SIDED = 0.05
 
 

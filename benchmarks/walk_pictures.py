@@ -18,7 +18,7 @@ import numpy as np
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.error_model.model import Model
 from gyrocal.evidence.answer import weigh
-from gyrocal.evidence.curve import KNOTS, stated
+from gyrocal.evidence.curve import KNOTS, of_set, stated
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
@@ -94,7 +94,7 @@ def draw_probability(path: Path, log_odds: float) -> None:
     known, shares = np.transpose(KNOTS)
     odds = np.linspace(-6, max(14.0, log_odds), 800)
     axes.plot(odds, 100 / (1 + np.exp(-odds)), "--", color=GREY, label="if the evidence alone were right")
-    axes.plot(odds, [100 * stated(x) for x in odds], color=ORANGE, label="share of true names in sessions with a known answer")
+    axes.plot(odds, [100 * of_set(x) for x in odds], color=ORANGE, label="share of true names in sessions with a known answer")
     axes.plot(known, 100 * shares, "o", color=ORANGE, markersize=5)
     told = 100 * stated(log_odds, None, named=True)
     axes.plot([log_odds], [told], "D", color=BLUE, markersize=8, label=f"{EFFECT}, which the tests name too: {told:.0f} %")

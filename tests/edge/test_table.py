@@ -92,11 +92,11 @@ def test_an_equal_in_a_group_is_right_and_alone_is_wrong() -> None:
 def test_reliability_counts_true_names_in_each_bin() -> None:
     found = edge_table.reliability(ROWS)
     counts = {(b["from"], b["to"]): (b["count"], b["of"]) for b in found["bins"]}
-    assert len(found["bins"]) == 6
-    assert counts[0.95, 0.99] == (1, 2)
+    assert len(found["bins"]) == 7
+    assert counts[0.93, 1.0] == (1, 2)
     assert counts[0.5, 0.8] == (1, 1)
-    assert counts[0.0, 0.5] == (0, 1)
-    assert counts[0.9, 0.95] == (0, 1)
+    assert counts[0.2, 0.5] == (0, 1)
+    assert counts[0.8, 0.93] == (0, 1)
     assert (found["capped"]["probability"], found["capped"]["count"], found["capped"]["of"]) == (0.97, 1, 2)
     assert edge_table.reliability([_row("a", "drift", [_said("drift", "z")])]) is None
 

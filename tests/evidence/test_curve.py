@@ -24,10 +24,16 @@ def row(*candidates: tuple[float, bool, Checks | None]) -> dict[str, Any]:
 
 
 def test_a_stated_probability_rises_with_the_evidence_up_to_what_was_proved() -> None:
-    found = [told.stated(log_odds, PASSED) for log_odds in np.linspace(-20, 40, 101)]
+    found = [told.of_set(log_odds) for log_odds in np.linspace(-20, 40, 101)]
     assert np.all(np.diff(found) >= 0)
     assert found[-1] == told.KNOTS[-1][1]
     assert all(0 <= p <= 1 for p in found)
+
+
+def test_what_held_out_data_refuse_is_no_more_probable_for_all_its_odds() -> None:
+    assert told.stated(2.9, PASSED) == told.of_set(2.9) > told.UNNAMED
+    assert told.stated(30.0, PASSED) == told.stated(3.1, PASSED) == told.UNNAMED
+    assert told.stated(3.1, PASSED, named=True) == told.stated(30.0, PASSED, named=True) == told.NAMED
 
 
 def test_a_failed_check_is_told_no_more_than_such_names_were_right() -> None:

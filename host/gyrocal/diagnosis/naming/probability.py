@@ -18,7 +18,7 @@ from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
-from gyrocal.evidence.curve import stated
+from gyrocal.evidence.curve import of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 
@@ -37,7 +37,7 @@ class OnAxis:
         """The probability as it is stated."""
         from scipy.special import logit
 
-        return stated(float(logit(min(self.found.probability, 1 - 1e-12))))
+        return of_set(float(logit(min(self.found.probability, 1 - 1e-12))))
 
     def to_json(self) -> dict[str, Any]:
         found = self.found
