@@ -1,5 +1,6 @@
 """Objects of C sources, each compiled once for the same source, headers and options, by whichever worker comes first."""
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -24,7 +25,7 @@ class Objects:
             made_of.update(f"\0{path}\0".encode() + path.read_bytes())
         built = self._folder / f"{made_of.hexdigest()}.o"
         if not built.exists():
-            self._link(self._of_text(command, source), built)
+            _keep(self._of_text(command, source), built)
         return built
 
     def _of_text(self, command: Sequence[str], source: Path) -> Path:
@@ -35,15 +36,17 @@ class Objects:
         if not built.exists():
             own = built.with_suffix(f".{os.getpid()}")
             subprocess.run([*command, "-c", str(source), "-o", str(own)], check=True, capture_output=True)
-            own.replace(built)
+            _keep(own, built)
+            own.unlink()
         return built
-
-    def _link(self, known: Path, built: Path) -> None:
-        own = built.with_suffix(f".{os.getpid()}")
-        os.link(known, own)
-        own.replace(built)
 
     def into(self, folder: Path, command: Sequence[str], sources: Iterable[Path]) -> None:
         """Put the object of each source into a folder, as ``command -c SOURCES`` does there."""
         for source in sources:
             shutil.copy(self.of(command, source), folder / f"{source.stem}.o")
+
+
+def _keep(made: Path, built: Path) -> None:
+    """Give an object a further name. Of two workers the first one stays: what replaces a file cannot be linked meanwhile."""
+    with contextlib.suppress(FileExistsError):
+        os.link(made, built)
