@@ -225,3 +225,15 @@ def test_over_less_than_two_turns_of_unknown_angle_sizes_tell_a_tone_from_a_ripp
     turns = [abs(run.table_rate_dps) * run.duration_s / 360 for run in session.runs if run.table_rate_dps is not None]
     assert max(turns) < 2
     assert [(c.effect.id, c.axis) for c in diagnose(session).candidates if c.named] == [(named, "z")]
+
+
+def test_where_the_table_turns_more_than_once_between_samples_no_order_is_looked_for() -> None:
+    """Times in milliseconds that are read as seconds made a spectrum of thousands of turns."""
+    t_s, rng = np.arange(400) * 10.0, np.random.default_rng(0)
+    runs = [
+        make_run(t_s, rng.normal((0, 0, rate), 0.05, (t_s.size, 3)), table_rate_dps=rate, scenario=f"s{k}")
+        for k, rate in enumerate((78.0, 60.0, 78.0, 60.0))
+    ]
+    tone = effect("order_tone")
+    assert tone.variants(runs, 2) == [{"order": 1.0, "A_dps": 0.0}]
+    assert not tone.shows(runs, 2, 0.0)

@@ -122,12 +122,12 @@ def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -
     return bool(several or (known and any(both_ways)))
 
 
-def _few_turns(runs: Sequence[Run], axis: int) -> bool:
+def _few_turns(runs: Sequence[Run]) -> bool:
     """True if the runs turn too little for a spectrum over the angle, and their angle or several rates show a tone yet."""
     turning = [r for r in runs if turns(r)]
     known = all(r.column("table_angle_deg") is not None for r in turning)
     shown = known or (len(turning) >= LEAST_RUNS and told_from_frequency(runs, FEW_TURNS))
-    return shown and swept_turns(runs) >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+    return shown and FEW_TURNS <= swept_turns(runs) < LEAST_TURNS
 
 
 @once
@@ -232,19 +232,19 @@ class OrderTone(Tone):
         An order is a whole number per turn where the runs cannot tell it from one. Over few turns, the first whole numbers
         and the orders of the largest power are tried.
         """
-        if _few_turns(runs, axis):
+        if _few_turns(runs):
             return [{"order": order, "A_dps": 0.0} for order in (*WHOLE, *_over_few_turns(runs, axis))]
         lines = _lines(runs, axis)[:PEAKS]
         peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
-        if _few_turns(runs, axis):
+        if _few_turns(runs):
             return len(WHOLE) + round(HIGHEST * swept_turns(runs))
         return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        if _few_turns(runs, axis):
+        if _few_turns(runs):
             return True
         peaks = _lines(runs, axis)
         return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
