@@ -71,10 +71,10 @@ def curve(rows: Sequence[Row]) -> tuple[Knots, float]:
     return [(round(x, 4), round(y, 3)) for x, y in knots], round(float(led[:, 1].mean()) if len(led) else 0.0, 3)
 
 
-def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
-    """Of the names that the evidence can judge: is each true? Those that are sure today, then those of the tests alone."""
+def named(today: Sequence[Row]) -> tuple[list[bool], list[bool]]:
+    """Of the names that the evidence can judge: is each true? Those that are sure, then those of the tests alone."""
     kept, taken = [], []
-    for row in (edge_table.decided_today(row) for row in rows if row["error"] is None):
+    for row in today:
         right = {tuple(name) for name in row["truth"]["right"]}
         judged = {(c["effect"], c["axis"]) for c in row["candidates"] if c.get("log_odds") is not None}
         names = set(edge_table.sure(row))
@@ -83,10 +83,10 @@ def named(rows: Sequence[Row]) -> tuple[list[bool], list[bool]]:
     return kept, taken
 
 
-def unnamed(rows: Sequence[Row]) -> list[bool]:
-    """Of the effects of which the evidence is sure, and which are no sure names today: is each true?"""
+def unnamed(today: Sequence[Row]) -> list[bool]:
+    """Of the effects of which the evidence is sure, and which are no sure names: is each true?"""
     found = []
-    for row in (edge_table.decided_today(row) for row in rows if row["error"] is None):
+    for row in today:
         right, named = {tuple(name) for name in row["truth"]["right"]}, edge_table.sure(row)
         for c in row["candidates"]:
             name = (c["effect"], c["axis"])
@@ -100,12 +100,13 @@ def main() -> None:
     knots, failed = curve(rows)
     print(f"KNOTS = {tuple(knots)}")
     print(f"FAILED = {failed}")
-    today = edge_table.names([edge_table.decided_today(row) for row in rows if row["error"] is None])
-    print(f"sure names today: {today['sure']}, wrong {today['wrong']}, reached {today['reached']['count']}")
-    kept, taken = named(rows)
+    today = [edge_table.decided_today(row) for row in rows if row["error"] is None]
+    counts = edge_table.names(today)
+    print(f"sure names today: {counts['sure']}, wrong {counts['wrong']}, reached {counts['reached']['count']}")
+    kept, taken = named(today)
     bound = edge_table.upper(kept.count(False), len(kept))
     print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
-    refused = unnamed(rows)
+    refused = unnamed(today)
     print(f"UNNAMED = {round(sum(refused) / max(len(refused), 1), 3)}")
     print(f"effects of which the evidence is sure, without a sure name: {sum(refused)} of {len(refused)} true")
     print(f"sure names that the evidence can judge: {sum(kept)} of {len(kept)} true")

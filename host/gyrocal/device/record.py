@@ -175,10 +175,7 @@ class Recorder:
 
     def _leave_behind(self, answer: Sentence) -> None:
         """Of the sentences before the answer to ``start``, the settings count and no run: another host may have begun one."""
-        earlier = [s for s in self.link.take_before(answer) if s.imu == self._imu]
-        for sentence in earlier:
-            self._note(sentence)
-        self._stream.feed(earlier)
+        self._parts(self.link.take_before(answer))
         self._stream.run = None
 
     def _join(self) -> None:
@@ -224,11 +221,15 @@ class Recorder:
 
     def _digest(self, sentences: list[Sentence]) -> bool:
         """Handle sentences in order. Returns True when the wanted run is complete."""
+        return any(self._handle(part) for part in self._parts(sentences))  # the samples that follow are not wanted
+
+    def _parts(self, sentences: list[Sentence]) -> list[Part]:
+        """The events of this sensor's runs in sentences, which are noted."""
         self._heard |= {s.imu for s in sentences}
         mine = [s for s in sentences if s.imu == self._imu]
         for sentence in mine:
             self._note(sentence)
-        return any(self._handle(part) for part in self._stream.feed(mine))  # the samples that follow are not wanted
+        return self._stream.feed(mine)
 
     def _handle(self, part: Part) -> bool:
         writer = self._writer

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
@@ -37,10 +38,22 @@ def _below(size: Array, low: float, high: float) -> Mask:
     return np.asarray((size > low - ROUNDING_DPS) & (size < high - ROUNDING_DPS))
 
 
+def _stays(readings: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The values [m] at which readings [n] stay, one after the other, and the number of samples [m] for which they do."""
+    first = np.flatnonzero(np.diff(readings, prepend=np.nan) != 0)
+    return readings[first], np.diff(first, append=readings.size)
+
+
+def _chance(stays: NDArray[np.intp], others: NDArray[np.intp]) -> float:
+    """Probability of stays [m] at one value, if their lengths are geometric with the longest of the ``others`` as mean."""
+    again = 1 - 1 / (int(others.max()) + 1)
+    return float(again ** int(stays.sum() - stays.size))
+
+
 def _dwells(size: Array, low: float, high: float) -> int:
     """Number of times that sizes [n] come to a value in a range; staying at it does not count again."""
-    came = np.diff(size, prepend=np.nan) != 0
-    return int(np.count_nonzero(_below(size, low, high) & came))
+    values, _ = _stays(size)
+    return int(np.count_nonzero(_below(values, low, high)))
 
 
 def _mean_dwell(sizes: Sequence[Array], low: float, high: float) -> float:
@@ -114,18 +127,11 @@ class Saturation(ReadingFault):
         if white_sd_dps(runs, axis) < step_dps:  # between two codes, a sound reading may stay at one as well
             return None
         limit = max((float(np.abs(r.gyro_dps[:, axis]).max()) for r in runs), default=0.0)
-        there, elsewhere = [np.zeros(0, int)], [np.ones(1, int)]
-        for r in runs:
-            y_dps = r.gyro_dps[:, axis]
-            first = np.flatnonzero(np.diff(y_dps, prepend=np.nan) != 0)
-            lengths, at = np.diff(first, append=y_dps.size), np.abs(y_dps[first]) > limit - ROUNDING_DPS
-            there.append(lengths[at])
-            elsewhere.append(lengths[~at])
-        stays = np.concatenate(there)
-        if stays.sum() < LEAST_HEAPED:
+        values, samples = map(np.concatenate, zip(*(_stays(r.gyro_dps[:, axis]) for r in runs), strict=True))
+        there = np.abs(values) > limit - ROUNDING_DPS
+        if samples[there].sum() < LEAST_HEAPED or there.all():
             return None
-        again = 1 - 1 / (int(np.concatenate(elsewhere).max()) + 1)
-        return Detected({"full_scale_dps": limit}, {}, float(again ** int(stays.sum() - stays.size)))
+        return Detected({"full_scale_dps": limit}, {}, _chance(samples[there], samples[~there]))
 
     def constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Runs that never leave the largest value, where a line through the other runs predicts far more.
@@ -149,9 +155,8 @@ class Saturation(ReadingFault):
                   if at and abs(float(line(float(np.mean(r.rate_dps))))) > BEYOND * limit]  # fmt: skip
         if sum(beyond) < LEAST_HEAPED:
             return None
-        begins = [np.flatnonzero(np.diff(r.gyro_dps[:, axis], prepend=np.nan, append=np.nan) != 0) for r in others]
-        again = 1 - 1 / (max(int(np.diff(at).max()) for at in begins) + 1)
-        return Detected({"full_scale_dps": limit}, {}, float(again ** (sum(beyond) - len(beyond))))
+        elsewhere = np.concatenate([_stays(r.gyro_dps[:, axis])[1] for r in others])
+        return Detected({"full_scale_dps": limit}, {}, _chance(np.array(beyond), elsewhere))
 
     def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Readings that stay near the largest one, in either sense, while a measured true rate is far beyond.
