@@ -106,6 +106,17 @@ def test_a_fault_s_gain_is_that_of_the_power_it_removes() -> None:
     assert 0 < found.gain < samples
 
 
+@pytest.mark.parametrize(("rate_hz", "part"), [(25.0, 0.15), (50.0, 0.08)])
+def test_noise_behind_a_low_corner_leaves_its_floor(null: ModuleType, rate_hz: float, part: float) -> None:
+    """A second-order low-pass at a small part of the sample rate: its spectrum is not that of an autoregression."""
+    rng = np.random.default_rng((5, int(rate_hz)))
+    session = null.static(rng, rate_hz, partial(null.low_passed, cutoff_hz=part * rate_hz), seconds=600.0)
+    for level in compare(session, Model.builtin("default")).per_axis.values():
+        assert level.rms_dps is not None
+        assert level.excess_se_dps is not None
+        assert abs(level.rms_dps**2 - level.floor_dps**2) < (3 * level.excess_se_dps) ** 2
+
+
 def test_whiteness_finds_a_rumble_behind_a_low_pass(null: ModuleType) -> None:
     """Noise behind a 5 Hz filter falls within the tested bands; a rumble rises above both sides."""
     rng = np.random.default_rng(3)

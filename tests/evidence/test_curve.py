@@ -50,7 +50,7 @@ def test_a_small_difference_between_parts_says_that_no_model_is_exact_only_with_
 
 
 def test_a_small_difference_is_forgiven_sooner_where_little_else_is_left_over() -> None:
-    """On the recording of a shaft with an encoder, a leak of the rate has log odds of 13, a share of 0.991 and differs by 7 %."""
+    """On the recording of a shaft with an encoder, a leak of the rate has log odds of 13, a share of .991, differs by 7 %."""
     main = Checks(0.99, 1e-6, 0.07)
     assert main.passed(13.0)
     assert not Checks(0.9, 1e-6, 0.07).passed(13.0)

@@ -95,6 +95,18 @@ def beyond_color(current: AxisFit) -> float:
     return float(beyond[~slow].sum() + min(0.0, beyond[slow].sum())) / angle.size * _usual_level(current)
 
 
+def less_than_color(current: AxisFit) -> float:
+    """The variance of one sample's noise that block means lack of the fit's colour, dps^2, negative; 0 within one of its errors.
+
+    No low-pass is an autoregression, whose level at low frequencies is then too high. Each value of a periodogram scatters by
+    its expectation. More than the colour of the fit is left alone: it may be an effect.
+    """
+    angle, _ = _without_lines(current)
+    error = float(np.sqrt((_modelled(current, angle) ** 2).sum())) / max(angle.size, 1) * _usual_level(current)
+    found = beyond_color(current)
+    return found if found < -error else 0.0
+
+
 def noise_of_means(current: AxisFit, seconds: float) -> float:
     """Standard deviation of one sample's noise as means over some ``seconds`` show it, deg/s.
 

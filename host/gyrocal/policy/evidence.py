@@ -76,7 +76,7 @@ class Evidence:
     )  # fmt: skip
     main_log_odds: float = threshold(
         8.0, "log odds from which on they do so for an effect that has main_share",
-        larger="a misalignment fails on the recording of a shaft with an encoder (12.7): a smooth curve over the rate is nearly it",
+        larger="a misalignment fails on the recording of a shaft with an encoder (12.7): a curve over the rate is nearly it",
         smaller="of two names with less (3 and 6) and that share, both were wrong; of two with more (9 and 10), none",
         chosen_by="gyrocal benchmark edge --part frozen, six states of the code; gyrocal benchmark real",
     )  # fmt: skip

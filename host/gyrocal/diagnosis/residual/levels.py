@@ -26,7 +26,7 @@ from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
-from gyrocal.inference.noise_shape import beyond_color, of_slopes
+from gyrocal.inference.noise_shape import beyond_color, less_than_color, of_slopes
 from gyrocal.inference.reml import LARGEST_SPREAD
 from gyrocal.inference.walk import Walks
 from gyrocal.noise.spectrum import Spectrum, evenly_spaced, spectrum
@@ -209,6 +209,8 @@ def floor_of(axis: AxisFit, folds: Sequence[Fold], scatter: Scatter, clean: Axis
     within = scatter.power * between + power.within / samples
     if of_slopes(axis):
         within += beyond_color(clean or axis) * power.blocks / samples
+    elif axis.design.color:
+        within += less_than_color(clean or axis) * power.blocks / samples
     within += errors_within.walk / samples
     of_cycles = min((power.squares - power.within + errors.walk - errors_within.walk) / samples, _largest_of_cycles(axis))
     of_level = scatter.error(int(power.blocks)) * axis.noise.white_sd_dps**2
