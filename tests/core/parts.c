@@ -240,26 +240,69 @@ static void check_fifo(const gc_part_t *part) {
     }
 }
 
+/* What the emulated self-tests move, and what the makers want; NaN where the part does not tell, or the maker does not mind. */
+static double change_dps(const gc_part_t *part, int axis) {
+    static const double trims[3] = {12, 17, 9}, codes[3] = {150, 145, 155};
+    const double mpu6050_dps = (axis == 1 ? -25.0 : 25.0) * pow(1.046, trims[axis] - 1.0);
+    if (part->id == 0x24 || part->id == 0x0F) {
+        return NAN;
+    }
+    return part->address[0] == 0x6B ? 400.0 : 1.05 * (part->id == 0x68 ? mpu6050_dps : 20.0 * pow(1.01, codes[axis] - 1.0));
+}
+
+static double limit_dps(const gc_part_t *part, int axis, bool most) {
+    const double factory_dps = fabs(change_dps(part, axis)) / 1.05;
+    if (part->address[0] == 0x6B) {
+        return most ? 700.0 : 150.0;
+    }
+    return part->id == 0x68 ? (most ? 1.14 : 0.86) * factory_dps : most ? NAN : 0.5 * factory_dps;
+}
+
+static bool near_or_absent(double value, double expected) {
+    return isnan(expected) ? isnan(value) : fabs(value - expected) < 0.1;
+}
+
+static bool passes(const gc_part_t *part, gc_self_test_t *result, const emul_faults_t *faults, int error) {
+    const double hz = part->odr[part->odrs / 2].hz;
+    gc_sensor_t imu;
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 500.0) == GC_OK);
+    emul_set_faults(&emul, faults);
+    CHECK(gc_sensor_self_test(&imu, result) == error);
+    emul_set_faults(&emul, &(emul_faults_t){.nack = false});
+    return result->passed;
+}
+
 static void check_self_test(const gc_part_t *part) {
+    static const int16_t at_rest[EMUL_WORDS] = {-768, 0, 0, 571, 0, 0, 16393}, fast[EMUL_WORDS] = {-768, 0, 2400, 0, 0, 0, 16393};
+    const emul_faults_t sound = {.nack = false}, silent = {.nack = true}, none = {.no_code = true};
     gc_self_test_t result;
     gc_sensor_t imu;
     gc_sample_t s;
-    CHECK(set_up(&imu, part, part->odr[part->odrs / 2].hz, 250.0, 1.0) == GC_OK);
-    const int error = gc_sensor_self_test(&imu, &result);
-    CHECK(error == (part->self_test != NULL ? GC_OK : GC_E_NO_SELF_TEST));
-    CHECK(result.passed == (part->self_test != NULL));
+    power(1.0);
+    emul_feed(&emul, now, at_rest);
+    CHECK(part->self_test != NULL && passes(part, &result, &sound, GC_OK));
     for (int i = 0; i < 3; i++) {
-        CHECK(result.change_dps[i] != result.change_dps[i] || fabs(result.change_dps[i] - 400.0) < 0.1);
+        CHECK(near_or_absent(result.change_dps[i], change_dps(part, i)));
+        CHECK(near_or_absent(result.least_dps[i], limit_dps(part, i, false)));
+        CHECK(near_or_absent(result.most_dps[i], limit_dps(part, i, true)));
     }
+    CHECK(near_or_absent(result.rest_dps[2], isnan(change_dps(part, 2)) ? NAN : 571 * 0.00875));
+    for (int i = 0; i < 3; i++) {
+        const emul_faults_t weak = {.stuck_axes = (uint8_t)(1u << i)};
+        CHECK(!passes(part, &result, &weak, GC_OK));
+        CHECK(near_or_absent(result.change_dps[i], isnan(change_dps(part, i)) ? NAN : 0.0));
+    }
+    CHECK(passes(part, &result, &none, GC_OK) == (part->id != 0xEA)); /* its maker wants the codes */
+    emul_feed(&emul, now, fast);                                    /* 21 dps */
+    CHECK(passes(part, &result, &sound, GC_OK) == isnan(result.rest_most_dps));
+    CHECK(part->id != 0x71 || result.rest_most_dps == 20.0);
     CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, part->odr[part->odrs / 2].hz, 250.0) == GC_OK);
+    emul_feed(&emul, now, world);
     (void)wait_for_data(&imu);
     CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh && right(part, &imu, &s)); /* as it was before */
-    const emul_faults_t weak = {.stuck_mass = true}, silent = {.nack = true}, none = {.nack = false};
-    emul_set_faults(&emul, &weak);
-    CHECK(gc_sensor_self_test(&imu, &result) == error && !result.passed);
     emul_set_faults(&emul, &silent);
     CHECK(gc_sensor_self_test(&imu, &result) != GC_OK && !result.passed);
-    emul_set_faults(&emul, &none);
+    emul_set_faults(&emul, &sound);
 }
 
 static bool heard(const char *text) {
@@ -370,6 +413,12 @@ static void check_strict_mpu6050(void) {
     now += 1200;
     emul_advance(&emul, now);
     CHECK(emul_int1(&emul));
+    write_reg(0x1B, 0xE8); /* the self-test is for 250 dps */
+    now += 300000;
+    const uint8_t at_500_dps = read_reg(0x43);
+    write_reg(0x1B, 0xE0);
+    now += 300000;
+    CHECK(at_500_dps == 0x0A && read_reg(0x43) == 0x2A); /* 40 dps, and 43 dps more */
     write_reg(0x6B, 0x80);
     write_reg(0x1B, 0x18); /* resets */
     CHECK((read_reg(0x6B) & 0x80) != 0);
@@ -472,6 +521,11 @@ static void check_strict_bmi270(void) {
     refuse_writes_to = 0x5E;
     CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, 100.0, 250.0) == GC_E_PART_FILE_REFUSED);
     refuse_writes_to = -1;
+    CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, 100.0, 250.0) == GC_OK);
+    write_reg(0x69, 0x04);
+    write_reg(0x7E, 0x02); /* the gyroscope runs */
+    now += 300000;
+    CHECK(read_reg(0x69) == 0 && read_reg(0x38) == 0x08 && read_reg(0x6E) == 0);
 }
 
 static uint8_t acc_reg(uint8_t reg) {

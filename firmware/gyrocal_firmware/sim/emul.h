@@ -13,7 +13,8 @@
 
 typedef struct {
     bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
-    bool stuck_mass; /* the self-test moves nothing */
+    bool no_code; /* the factory's codes of the self-test are missing */
+    uint8_t stuck_axes; /* of which the self-test moves nothing, a bit each */
 } emul_faults_t;
 
 /* The functions of a family of parts. */

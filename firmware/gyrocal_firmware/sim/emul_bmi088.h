@@ -29,7 +29,8 @@ typedef struct {
     double tick_us;        /* next sample by its own clock */
     double clock;          /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset, stuck_mass; /* misbehaviour */
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
 } emul_bmi088_t;
 
 double emul_bmi088_clock_for(double rate_hz);

@@ -18,10 +18,13 @@ typedef struct {
     uint64_t boot_us;    /* no answer before */
     uint64_t reset_us;   /* DEVICE_RESET reads 1 until then */
     uint64_t gyro_us;    /* the gyroscope reads 0 before */
+    uint64_t moved_us;   /* the self-test has moved the masses from then on */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
+    bool no_code;
 } emul_icm20948_t;
 
 double emul_icm20948_clock_for(double rate_hz);

@@ -186,10 +186,10 @@ static uint8_t fifo_byte(emul_lsm6dso_t *chip, uint8_t reg) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int16_t world) {
+static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int axis) {
     const unsigned test = chip->reg[CTRL5_C] >> 2 & 3u; /* 1 = positive, 3 = negative */
-    const double moved_dps = chip->stuck_mass ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
-    const double counts = world * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
+    const double moved_dps = emul_is_stuck(chip->stuck_axes, axis) ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
+    const double counts = chip->world[1 + axis] * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
     const int16_t value = now_us < chip->settled_us ? 0 : emul_counts(counts);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
@@ -208,7 +208,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
             continue;
         }
         if (i >= 1 && i <= 3) {
-            value = rate(chip, now_us, value);
+            value = rate(chip, now_us, i - 1);
         } else if (i >= 4) {
             value = emul_counts(value * (2.0 / full_scale_g(chip)));
         } else if (chip->id == ID_DS3) {

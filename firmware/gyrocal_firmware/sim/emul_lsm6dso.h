@@ -37,7 +37,8 @@ typedef struct {
     double batched[3]; /* gyroscope, accelerometer, temperature: share of the next word that is due */
 
     /* misbehaviour */
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags, stuck_mass;
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
+    uint8_t stuck_axes;
 } emul_lsm6dso_t;
 
 /* The clock, over nominal, at which the nearest output data rate is exactly rate_hz. */

@@ -143,11 +143,11 @@ static uint8_t fifo_byte(emul_lsm6dsv_t *chip, uint8_t reg) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_lsm6dsv_t *chip, uint64_t now_us, int16_t world) {
+static int16_t rate(const emul_lsm6dsv_t *chip, uint64_t now_us, int axis) {
     static const double lsb_dps[16] = {0.004375, 0.00875, 0.0175, 0.035, 0.07, 0, 0, 0, 0, 0, 0, 0, 0.14, 0, 0, 0};
     const unsigned test = chip->reg[CTRL10] >> 2 & 3u;
-    const double moved = chip->stuck_mass ? 0.0 : test == 1 ? TEST_DPS : test == 2 ? -TEST_DPS : 0.0;
-    const double dps = world * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved;
+    const double moved = emul_is_stuck(chip->stuck_axes, axis) ? 0.0 : test == 1 ? TEST_DPS : test == 2 ? -TEST_DPS : 0.0;
+    const double dps = chip->world[1 + axis] * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved;
     const double lsb = lsb_dps[chip->reg[CTRL6] & 15];
     const int16_t value = now_us < chip->gyro_us || lsb == 0.0 ? 0 : emul_counts(dps / lsb);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
@@ -161,7 +161,7 @@ static void sample(emul_lsm6dsv_t *chip, uint64_t now_us) {
     }
     chip->inside[0] = chip->world[0];
     for (int i = 0; i < 3; i++) {
-        chip->inside[1 + i] = gyro ? rate(chip, now_us, chip->world[1 + i]) : 0;
+        chip->inside[1 + i] = gyro ? rate(chip, now_us, i) : 0;
         chip->inside[4 + i] = acc ? emul_counts(chip->world[4 + i] * EMUL_WORLD_G / lsb_g) : 0;
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | 4);

@@ -27,7 +27,8 @@ typedef struct {
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool off_bus;
     bool fed_only;
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset, stuck_mass, bad_tags; /* misbehaviour */
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags; /* misbehaviour */
+    uint8_t stuck_axes;
 } emul_lsm6dsv_t;
 
 double emul_lsm6dsv_clock_for(double rate_hz);

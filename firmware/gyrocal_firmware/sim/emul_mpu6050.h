@@ -19,10 +19,13 @@ typedef struct {
     uint64_t reset_us;   /* DEVICE_RESET reads 1 until then */
     uint64_t gyro_us;    /* the gyroscope runs from then on; it reads 0 before, and its clock cannot be chosen */
     bool by_gyro;        /* the gyroscope's clock was chosen when it ran */
+    uint64_t moved_us;   /* the self-test has moved the masses from then on */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
+    bool no_code;
 } emul_mpu6050_t;
 
 double emul_mpu6050_clock_for(double rate_hz);

@@ -19,7 +19,7 @@ from gyrocal.device.wire import Sentence, parse_real, parse_value
 from gyrocal.errors import DeviceError
 
 SECONDS = 10.0
-SELF_TEST_S = 5.0
+SELF_TEST_S = 8.0
 DUMP_S = 10.0
 STATUS_S = 3.0
 SETTLE_S = 0.5

@@ -409,18 +409,6 @@ static int do_undo(gc_device_t *d, const gc_command_t *command) {
     return GC_OK;
 }
 
-static void tell_self_test(gc_device_t *d, const gc_self_test_t *result) {
-    static const char *const names[] = {"x_dps", "y_dps", "z_dps"};
-    gc_sentence_t *s = gc_tell_begin(&d->teller, "TST");
-    gc_sentence_uint(s, "passed", result->passed ? 1u : 0u);
-    for (unsigned i = 0; i < 3u; i++) {
-        gc_sentence_real(s, names[i], result->change_dps[i]);
-    }
-    gc_sentence_real(s, "least_dps", result->least_dps);
-    gc_sentence_real(s, "most_dps", result->most_dps);
-    gc_tell_end(&d->teller);
-}
-
 static int do_selftest(gc_device_t *d, const gc_command_t *command) {
     if (!d->sampler.ready) {
         return GC_E_NOT_READY;
@@ -432,7 +420,7 @@ static int do_selftest(gc_device_t *d, const gc_command_t *command) {
     gc_self_test_t result;
     const int error = gc_sensor_self_test(&d->sampler.sensor, &result);
     if (error == GC_OK) {
-        tell_self_test(d, &result);
+        gc_tell_self_test(&d->teller, &result);
     }
     gc_sampler_begin_anew(&d->sampler);
     return error;

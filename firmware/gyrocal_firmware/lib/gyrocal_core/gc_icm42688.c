@@ -1,6 +1,7 @@
 #include "gc_icm42688.h"
 
 #include "gc_error.h"
+#include "gc_self_test.h"
 
 #define CONFIG_REGS 3u /* PWR_MGMT0, GYRO_CONFIG0, ACCEL_CONFIG0 */
 
@@ -77,6 +78,37 @@ static int ready(gc_sensor_t *imu) {
     return gc_sensor_ready_once(imu, GC_ICM42688_INT_STATUS, GC_ICM42688_DATA_READY);
 }
 
+/* The bank is bank 0 again afterwards, whatever failed. */
+static int read_codes(gc_sensor_t *imu, uint8_t code[3]) {
+    int error = gc_sensor_write_reg(imu, GC_ICM42688_REG_BANK_SEL, 1);
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_ICM42688_XG_ST_DATA, code, 3);
+    }
+    const int after = gc_sensor_write_reg(imu, GC_ICM42688_REG_BANK_SEL, 0);
+    return error != GC_OK ? error : after;
+}
+
+static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
+    static const uint8_t still[][2] = {{GC_ICM42688_PWR_MGMT0 + 1, GC_ICM42688_TEST_250_DPS_1_KHZ}};
+    static const uint8_t moving[][2] = {{GC_ICM42688_SELF_TEST_CONFIG, GC_ICM42688_GYRO_TEST}};
+    static const gc_moving_test_t test = {
+        .still = still, .stills = 1, .moving = moving, .movings = 1,
+        .settle_us = GC_ICM42688_TEST_US, .samples = 200, .lsb_dps = 1.0 / 131.0};
+    uint8_t code[3];
+    int error = read_codes(imu, code);
+    if (error == GC_OK) {
+        error = gc_sensor_change_bits(imu, GC_ICM42688_GYRO_CONFIG1, GC_ICM42688_GYRO_ORDER, GC_ICM42688_GYRO_3RD_ORDER);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_change_bits(imu, GC_ICM42688_GYRO_ACCEL_CONFIG0, GC_ICM42688_GYRO_FILTER, GC_ICM42688_GYRO_TENTH);
+    }
+    if (error != GC_OK) {
+        return error;
+    }
+    gc_self_test_limit_by_code(result, code);
+    return gc_self_test_by_change(imu, &test, result);
+}
+
 const gc_part_t gc_icm42688 = {
     .name = "ICM-42688-P", .id = GC_ICM42688_ID, .address = {GC_ICM42688_ADDRESS, GC_ICM42688_ADDRESS_HIGH},
     .lsb_g = 1.0 / 16384.0, .lsb_c = 1.0 / 132.48, .zero_c = 25.0,
@@ -85,4 +117,5 @@ const gc_part_t gc_icm42688 = {
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
     .watched_reg = GC_ICM42688_PWR_MGMT0, .watched = CONFIG_REGS,
     .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
+    .self_test = self_test,
 };

@@ -1,6 +1,7 @@
 #include "gc_lsm6dso.h"
 
 #include "gc_error.h"
+#include "gc_self_test.h"
 #include "gc_tagged_fifo.h"
 
 #define TEST_208_HZ_2000_DPS 0x5Cu
@@ -30,13 +31,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
 
 /* There is no I3C master, and the interface would take noise for its start condition. */
 static int disable_i3c(gc_sensor_t *imu) {
-    uint8_t ctrl9 = 0;
-    if ((imu->part->traits & GC_LSM6_HAS_I3C) == 0u) {
-        return GC_OK;
-    }
-    const int error = gc_sensor_read_regs(imu, GC_LSM6DSO_CTRL9_XL, &ctrl9, 1);
-    return error != GC_OK ? error
-                          : gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
+    const bool has_i3c = (imu->part->traits & GC_LSM6_HAS_I3C) != 0u;
+    return has_i3c ? gc_sensor_change_bits(imu, GC_LSM6DSO_CTRL9_XL, 0, GC_LSM6DSO_CTRL9_I3C_DISABLE) : GC_OK;
 }
 
 /* Another program may have left the bank of the embedded functions selected, where WHO_AM_I cannot be read. */
@@ -140,10 +136,12 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 
 static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
     static const uint8_t still[][2] = {{GC_LSM6DSO_INT1_CTRL, 0}, {GC_LSM6DSO_CTRL2_G, TEST_208_HZ_2000_DPS}};
+    static const uint8_t moving[][2] = {{GC_LSM6DSO_CTRL5_C, GC_LSM6DSO_CTRL5_GYRO_TEST}};
     static const gc_moving_test_t test = {
-        .still = still, .stills = sizeof still / sizeof still[0], .moving = {GC_LSM6DSO_CTRL5_C, GC_LSM6DSO_CTRL5_GYRO_TEST},
-        .settle_us = GC_LSM6DSO_TEST_US, .samples = 5, .lsb_dps = 0.070, .least_dps = 150.0, .most_dps = 700.0};
-    return gc_sensor_test_by_change(imu, &test, result);
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = moving, .movings = 1,
+        .settle_us = GC_LSM6DSO_TEST_US, .samples = 5, .lsb_dps = 0.070};
+    gc_self_test_limit(result, 150.0, 700.0);
+    return gc_self_test_by_change(imu, &test, result);
 }
 
 /* The part's table of ranges; what the parts with a FIFO of tagged words have; what all of the family have. */

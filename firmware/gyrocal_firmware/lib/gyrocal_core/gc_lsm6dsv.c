@@ -1,6 +1,7 @@
 #include "gc_lsm6dsv.h"
 
 #include "gc_error.h"
+#include "gc_self_test.h"
 #include "gc_tagged_fifo.h"
 
 #define CONFIG_REGS 6u /* CTRL1 to CTRL6 */
@@ -116,10 +117,12 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
     static const uint8_t still[][2] = {
         {GC_LSM6DSV_INT1_CTRL, 0}, {GC_LSM6DSV_CTRL6, TEST_CODE_2000_DPS}, {GC_LSM6DSV_CTRL2, TEST_CODE_240_HZ}};
+    static const uint8_t moving[][2] = {{GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST}};
     static const gc_moving_test_t test = {
-        .still = still, .stills = sizeof still / sizeof still[0], .moving = {GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST},
-        .settle_us = GC_LSM6DSV_TEST_US, .samples = 5, .lsb_dps = 0.070, .least_dps = 150.0, .most_dps = 700.0};
-    return gc_sensor_test_by_change(imu, &test, result);
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = moving, .movings = 1,
+        .settle_us = GC_LSM6DSV_TEST_US, .samples = 5, .lsb_dps = 0.070};
+    gc_self_test_limit(result, 150.0, 700.0);
+    return gc_self_test_by_change(imu, &test, result);
 }
 
 const gc_part_t gc_lsm6dsv = {

@@ -1,6 +1,7 @@
 #include "gc_mpu6050.h"
 
 #include "gc_error.h"
+#include "gc_self_test.h"
 
 #define CONFIG_REGS 4u /* SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG; some parts have ACCEL_CONFIG_2 behind them */
 #define POLL_US 1000u
@@ -102,6 +103,51 @@ static int ready(gc_sensor_t *imu) {
     return gc_sensor_ready_once(imu, GC_MPU6050_INT_STATUS, GC_MPU6050_DATA_READY);
 }
 
+/* ---- self-test ---- */
+
+/* Of the MPU-6050: within 14 % of the change at the factory, or 10 to 105 dps where its code is missing. */
+static void limit_by_trim(gc_self_test_t *result, const uint8_t trim[3]) {
+    for (size_t i = 0; i < 3u; i++) {
+        const unsigned code = trim[i] & 0x1Fu;
+        double factory_dps = 25.0;
+        for (unsigned k = 1; k < code; k++) {
+            factory_dps *= 1.046;
+        }
+        result->least_dps[i] = code > 0u ? 0.86 * factory_dps : 10.0;
+        result->most_dps[i] = code > 0u ? 1.14 * factory_dps : 105.0;
+    }
+}
+
+static const uint8_t moving[][2] = {{GC_MPU6050_GYRO_CONFIG, GC_MPU6050_GYRO_TEST}};
+
+static int test_by_trim(gc_sensor_t *imu, gc_self_test_t *result) {
+    static const uint8_t still[][2] = {{GC_MPU6050_SMPLRT_DIV, 0}, {GC_MPU6050_CONFIG, 1}, {GC_MPU6050_GYRO_CONFIG, 0}};
+    static const gc_moving_test_t test = {
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = moving, .movings = 1,
+        .settle_us = GC_MPU6050_TEST_US, .samples = 50, .lsb_dps = 1.0 / 131.0};
+    uint8_t trim[3];
+    const int error = gc_sensor_read_regs(imu, GC_MPU6050_TRIM, trim, sizeof trim);
+    if (error != GC_OK) {
+        return error;
+    }
+    limit_by_trim(result, trim);
+    return gc_self_test_by_change(imu, &test, result);
+}
+
+static int test_by_code(gc_sensor_t *imu, gc_self_test_t *result) {
+    static const uint8_t still[][2] = {{GC_MPU6050_SMPLRT_DIV, 0}, {GC_MPU6050_CONFIG, 2}, {GC_MPU6050_GYRO_CONFIG, 0}};
+    static const gc_moving_test_t test = {
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = moving, .movings = 1,
+        .settle_us = GC_MPU6050_TEST_US, .samples = 200, .lsb_dps = 1.0 / 131.0};
+    uint8_t code[3];
+    const int error = gc_sensor_read_regs(imu, GC_MPU6500_SELF_TEST_X_GYRO, code, sizeof code);
+    if (error != GC_OK) {
+        return error;
+    }
+    gc_self_test_limit_by_code(result, code);
+    return gc_self_test_by_change(imu, &test, result);
+}
+
 #define ALIKE                                                                                                            \
     .address = {GC_MPU6050_ADDRESS, GC_MPU6050_ADDRESS_HIGH}, .lsb_g = 1.0 / 16384.0, .odr = odrs,                       \
     .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0, .range = ranges,                                      \
@@ -109,11 +155,12 @@ static int ready(gc_sensor_t *imu) {
     .set_up = set_up, .ready = ready, .read = burst
 #define WITH_ACCEL_FILTER                                                                                                \
     .traits = GC_MPU_HAS_ACCEL_FILTER, .watched = CONFIG_REGS + 1u, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,               \
+    .self_test = test_by_code,                                                                                           \
     .noise_dps = 0.14 /* 0.01 dps/sqrt(Hz) within 188 Hz */
 
 const gc_part_t gc_mpu6050 = {
     .name = "MPU-6050", .id = GC_MPU6050_ID, .watched = CONFIG_REGS, .lsb_c = 1.0 / 340.0, .zero_c = 36.53,
-    ALIKE, .noise_dps = 0.069, /* 0.005 dps/sqrt(Hz) within 188 Hz */
+    ALIKE, .self_test = test_by_trim, .noise_dps = 0.069, /* 0.005 dps/sqrt(Hz) within 188 Hz */
 };
 const gc_part_t gc_mpu6500 = {.name = "MPU-6500", .id = GC_MPU6500_ID, WITH_ACCEL_FILTER, ALIKE};
 const gc_part_t gc_mpu9250 = {.name = "MPU-9250", .id = GC_MPU9250_ID, WITH_ACCEL_FILTER, ALIKE};

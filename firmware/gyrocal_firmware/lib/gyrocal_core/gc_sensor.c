@@ -7,8 +7,6 @@
 
 #define STALE_PERIODS 3.0 /* output periods without new data after which the part is at fault; chosen by judgement */
 #define POLL_MARGIN 1.2 /* output rate over polling rate: a part that is polled at nearly its own rate often has nothing new */
-#define SELF_TEST_SAMPLE_US 200000u /* the longest time between two samples of a self-test */
-#define SELF_TEST_LOOK_US 200u
 
 static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
     for (size_t i = 0; i < part->odrs; i++) {
@@ -161,6 +159,12 @@ int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t
     return error;
 }
 
+int gc_sensor_change_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t value) {
+    uint8_t found = 0;
+    const int error = gc_sensor_read_regs(sensor, reg, &found, 1);
+    return error != GC_OK ? error : gc_sensor_write_reg(sensor, reg, (uint8_t)((found & ~mask) | value));
+}
+
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
     return write_at(sensor, sensor->other_address, reg, value);
 }
@@ -203,67 +207,12 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     return error;
 }
 
-static int wait_for_sample(gc_sensor_t *sensor, gc_sample_t *sample) {
-    const uint64_t start = sensor->port->now_us(sensor->port->context);
-    int ready = sensor->part->ready(sensor);
-    while (ready == 0) {
-        if (sensor->port->now_us(sensor->port->context) - start > SELF_TEST_SAMPLE_US) {
-            return GC_E_STALE;
-        }
-        gc_sensor_wait_us(sensor, SELF_TEST_LOOK_US);
-        ready = sensor->part->ready(sensor);
-    }
-    return ready < 0 ? ready : sensor->part->read(sensor, sample);
-}
-
-/* The mean of new readings of the gyroscope in counts, after one that is discarded. */
-static int mean_rate(gc_sensor_t *sensor, unsigned n, double mean[3]) {
-    gc_sample_t sample;
-    double sum[3] = {0.0, 0.0, 0.0};
-    int error = wait_for_sample(sensor, &sample);
-    for (unsigned k = 0; k < n && error == GC_OK; k++) {
-        error = wait_for_sample(sensor, &sample);
-        for (size_t i = 0; i < 3u && error == GC_OK; i++) {
-            sum[i] += sample.gyro[i];
-        }
-    }
-    for (size_t i = 0; i < 3u; i++) {
-        mean[i] = sum[i] / n;
-    }
-    return error;
-}
-
-int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result) {
-    double before[3], moved[3];
-    int error = gc_sensor_write_steps(sensor, test->still, test->stills);
-    gc_sensor_wait_us(sensor, test->settle_us);
-    if (error == GC_OK) {
-        error = mean_rate(sensor, test->samples, before);
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(sensor, test->moving[0], test->moving[1]);
-    }
-    gc_sensor_wait_us(sensor, test->settle_us);
-    if (error == GC_OK) {
-        error = mean_rate(sensor, test->samples, moved);
-    }
-    if (error != GC_OK) {
-        return error;
-    }
-    result->passed = true;
-    result->least_dps = test->least_dps;
-    result->most_dps = test->most_dps;
-    for (size_t i = 0; i < 3u; i++) {
-        const double change_dps = test->lsb_dps * (moved[i] - before[i]);
-        result->change_dps[i] = change_dps;
-        result->passed = result->passed && fabs(change_dps) >= test->least_dps && fabs(change_dps) <= test->most_dps;
-    }
-    return GC_OK;
-}
-
 int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {
     const gc_part_t *part = sensor->part;
-    *result = (gc_self_test_t){.change_dps = {NAN, NAN, NAN}, .least_dps = NAN, .most_dps = NAN};
+    *result = (gc_self_test_t){.rest_most_dps = NAN};
+    for (size_t i = 0; i < 3u; i++) {
+        result->change_dps[i] = result->least_dps[i] = result->most_dps[i] = result->rest_dps[i] = NAN;
+    }
     return part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
 }
 

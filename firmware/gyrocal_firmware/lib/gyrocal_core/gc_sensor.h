@@ -46,22 +46,13 @@ typedef struct {
     uint8_t code;
 } gc_range_t;
 
-/* What the part's own test of the gyroscope found. */
+/* What the part's own test of the gyroscope found. NaN: the part tells the result alone, or the maker sets no such limit. */
 typedef struct {
     bool passed;
-    double change_dps[3];         /* by which the test moved each axis; NaN where the part tells the result alone */
-    double least_dps, most_dps;   /* between which the maker wants each; NaN likewise */
+    double change_dps[3];               /* by which the test moved each axis */
+    double least_dps[3], most_dps[3];   /* between which the maker wants it */
+    double rest_dps[3], rest_most_dps;  /* the readings before, and the largest that the maker allows */
 } gc_self_test_t;
-
-/* How a part that moves its own masses is tested. */
-typedef struct {
-    const uint8_t (*still)[2]; /* registers and values for the rate and the range of the test */
-    size_t stills;
-    uint8_t moving[2]; /* the register that begins to move them, and its value */
-    uint32_t settle_us;
-    unsigned samples;
-    double lsb_dps, least_dps, most_dps; /* what the maker wants */
-} gc_moving_test_t;
 
 typedef struct gc_sensor gc_sensor_t;
 
@@ -96,7 +87,7 @@ typedef struct {
     int (*fifo_begin)(gc_sensor_t *sensor);
     /* Reads the FIFO into a batch and sets all of its fields. */
     int (*fifo_read)(gc_sensor_t *sensor, gc_batch_t *batch);
-    /* Optional: the part's own test of its gyroscope, at rest. Takes up to a second and leaves the part to be set up again. */
+    /* Optional: the part's own test of its gyroscope, at rest. Takes up to five seconds and leaves the part to be set up again. */
     int (*self_test)(gc_sensor_t *sensor, gc_self_test_t *result);
 } gc_part_t;
 
@@ -174,8 +165,8 @@ int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t
 /* The same of the second die. */
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
-/* Reads the rates at rest and again while the part moves its own masses, and judges the change. */
-int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result);
+/* Sets the bits of `mask` to those of `value`. */
+int gc_sensor_change_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t value);
 /* Returns error_if_other if a watched register does not hold what was written to it. */
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
 
