@@ -70,7 +70,7 @@ int main(void) {
         now = 0;
         emul_power_on(&emul, 1.0, now, 250.0);
         now = 200000;
-        if (gc_sensor_init(&sensor, part, &port, kind->address, odr->hz, 250.0) != GC_OK) {
+        if (gc_sensor_init(&sensor, part, &port, kind->address, &(gc_setup_t){.odr_hz = odr->hz, .full_scale_dps = 250.0}) != GC_OK) {
             return 1;
         }
         set_up = since(&mark);

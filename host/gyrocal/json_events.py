@@ -38,6 +38,8 @@ class Hello(Sent, total=False):
     lsb_c: Number
     zero_c: Number
     noise_dps: Number
+    accel_g: Number
+    low_pass: int
     axis: str
     table_dps: Number
     turn_deg: Number

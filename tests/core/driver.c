@@ -75,7 +75,7 @@ static int fresh_chip(gc_sensor_t *imu, double odr_hz, double full_scale_dps) {
     now = 0;
     emul_lsm6dso_power_on(&chip, now, 250.0);
     emul_lsm6dso_feed(&chip, now, pattern);
-    return gc_sensor_init(imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, odr_hz, full_scale_dps);
+    return gc_sensor_init(imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = odr_hz, .full_scale_dps = full_scale_dps});
 }
 
 static void check_registers_and_words(void) {
@@ -107,7 +107,7 @@ static void check_start_up(void) {
     emul_lsm6dso_advance(&chip, now);
     CHECK(emul_lsm6dso_int1(&chip));
     n_written = 0;
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_OK);
     const uint8_t order[][2] = {{0x01, 0}, {0x0D, 0}, {0x18, 0xE2}, {0x12, 0x05}, {0x18, 0xE2}, {0x0D, 0x02}};
     CHECK(n_written >= sizeof order / sizeof order[0] && memcmp(written, order, sizeof order) == 0);
 
@@ -115,13 +115,13 @@ static void check_start_up(void) {
     emul_lsm6dso_advance(&chip, now);
     CHECK(emul_lsm6dso_int1(&chip));
     emul_lsm6dso_write(&chip, now, 0x12, &reset, 1); /* as a driver that does not release the pin */
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_BUS_NACK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_E_BUS_NACK);
     CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
 
     emul_lsm6dso_write(&chip, now, 0x01, &bank, 1);
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_OK);
 
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port_without_int1, GC_LSM6DSO_ADDRESS, 104.0, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port_without_int1, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 104.0, .full_scale_dps = 250.0}) == GC_OK);
     CHECK(chip.reg[0x0D] == 0);
     CHECK(gc_sensor_fifo_begin(&imu, 4) == GC_OK && chip.reg[0x0D] == 0);
 }
@@ -190,16 +190,16 @@ static void check_faults(void) {
 
     now = 0;
     emul_lsm6dso_power_on(&chip, now, 250.0);
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, 0x6A, 416.0, 250.0) == GC_E_BUS_NACK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, 0x6A, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_E_BUS_NACK);
 
     emul_lsm6dso_power_on(&chip, now, 250.0);
     chip.wrong_id = true;
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_WRONG_ID);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_E_WRONG_ID);
 
     emul_lsm6dso_power_on(&chip, now, 250.0);
     chip.stuck_reset = true;
     const uint64_t start = now;
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_RESET_TIMEOUT);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_E_RESET_TIMEOUT);
     CHECK(now - start < 30000u);
 
     refuse_writes_to = 0x11;
@@ -231,7 +231,7 @@ static void check_faults(void) {
     emul_lsm6dso_brown_out(&chip);
     now += 8000;
     CHECK(gc_sensor_read(&imu, &s) == GC_E_CONFIG_LOST);
-    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, &gc_lsm6dso, &port, GC_LSM6DSO_ADDRESS, &(gc_setup_t){.odr_hz = 416.0, .full_scale_dps = 250.0}) == GC_OK);
 
     /* One register only, data still coming: seen within half a second. */
     chip.reg[0x11] = 0x6C;

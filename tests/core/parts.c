@@ -5,7 +5,7 @@ static bool right(const gc_part_t *part, const gc_sensor_t *imu, const gc_sample
     bool all = fabs(part->zero_c + part->lsb_c * s->temp - 22.0) <= 0.51 * part->lsb_c;
     for (int i = 0; i < 3; i++) {
         all = all && fabs(s->gyro[i] * imu->lsb_dps - dps[i]) <= 0.51 * imu->lsb_dps;
-        all = all && fabs(s->acc[i] * part->lsb_g - g[i]) <= 0.51 * part->lsb_g;
+        all = all && fabs(s->acc[i] * imu->lsb_g - g[i]) <= 0.51 * imu->lsb_g;
     }
     return all;
 }
@@ -68,10 +68,57 @@ static void check_ranges(const gc_part_t *part) {
     }
 }
 
+static void check_accelerometer(const gc_part_t *part) {
+    const double hz = part->odr[part->odrs / 2].hz, least_g = part->accel[0].g;
+    for (size_t i = 0; i < part->accels; i++) {
+        gc_sensor_t imu;
+        gc_sample_t s;
+        power(1.0);
+        const gc_setup_t setup = {.odr_hz = hz, .full_scale_dps = 250.0, .accel_g = part->accel[i].g};
+        CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &setup) == GC_OK);
+        (void)wait_for_data(&imu);
+        CHECK(gc_sensor_read(&imu, &s) == GC_OK && right(part, &imu, &s));
+        CHECK(fabs(imu.lsb_g * 32767.0 / part->accel[i].g - 1.0) < 0.001 && part->accel[i].g == least_g * (double)(1u << i));
+        CHECK(gc_part_accel_ok(part, part->accel[i].g));
+    }
+    CHECK(part->accels == 4u && gc_part_accel_ok(part, 0.0) && !gc_part_accel_ok(part, 5.0) && !gc_part_accel_ok(part, -2.0));
+}
+
+/* The filter that low-pass n stands for, as the makers number them. */
+static int filter_of(const gc_part_t *part, double hz, unsigned n) {
+    if (part->id == 0x0F) {
+        return hz == 100.0 ? 5 : hz == 200.0 ? 4 : 0;
+    }
+    return (int)n;
+}
+
+/* Without one the driver's own is in use, and others do not exist. */
+static void check_low_pass(const gc_part_t *part) {
+    for (size_t i = 0; i < part->odrs; i++) {
+        const double hz = part->odr[i].hz;
+        gc_sensor_t imu;
+        gc_sample_t s;
+        CHECK(set_up(&imu, part, hz, 250.0, 1.0) == GC_OK && emul_low_pass(&emul) >= 0);
+        unsigned n = 1;
+        for (; gc_part_low_pass_ok(part, hz, n); n++) {
+            const gc_setup_t setup = {.odr_hz = hz, .full_scale_dps = 250.0, .low_pass = n};
+            CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &setup) == GC_OK);
+            CHECK(emul_low_pass(&emul) == filter_of(part, hz, n));
+            (void)wait_for_data(&imu);
+            CHECK(gc_sensor_read(&imu, &s) == GC_OK && right(part, &imu, &s));
+        }
+        const gc_setup_t none = {.odr_hz = hz, .full_scale_dps = 250.0, .low_pass = n};
+        CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &none) == GC_E_ARGUMENT && !gc_part_low_pass_ok(part, hz, -1.0));
+        CHECK(n - 1u <= part->low_passes && (part->id != 0x69 || part->address[0] != 0x6B || n == 1u));
+    }
+}
+
 /* The watched registers of parts where they do not lie in a row; the dies and banks of a part have none in common. */
 static uint8_t watched_reg(const gc_part_t *part, uint8_t i) {
     static const uint8_t of_icm20948[] = {0x06, 0x07, 0x00, 0x01, 0x14}, of_bmi088[] = {0x0F, 0x10, 0x3E, 0x40, 0x41, 0x7D};
-    return part->read_watched == NULL ? (uint8_t)(part->watched_reg + i) : part->id == 0xEA ? of_icm20948[i] : of_bmi088[i];
+    static const uint8_t of_icm42688[] = {0x4E, 0x4F, 0x50, 0x52};
+    const uint8_t *const regs = part->id == 0xEA ? of_icm20948 : part->id == 0x47 ? of_icm42688 : of_bmi088;
+    return part->read_watched == NULL ? (uint8_t)(part->watched_reg + i) : regs[i];
 }
 
 static void check_faults(const gc_part_t *part) {
@@ -81,14 +128,17 @@ static void check_faults(const gc_part_t *part) {
     gc_sample_t s;
     power(1.0);
     set_faults(true, false, false, false);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 250.0) == GC_E_BUS_NACK);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 250.0}) == GC_E_BUS_NACK);
     set_faults(false, true, false, false);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 250.0) == GC_E_WRONG_ID);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 250.0}) == GC_E_WRONG_ID);
     set_faults(false, false, false, true);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 250.0) == GC_E_RESET_TIMEOUT);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 250.0}) == GC_E_RESET_TIMEOUT);
     for (uint8_t i = 0; i < part->watched; i++) {
         refuse_writes_to = watched_reg(part, i);
-        const int error = set_up(&imu, part, hz, 500.0, 1.0);
+        power(1.0);
+        const gc_setup_t setup = {.odr_hz = hz, .full_scale_dps = 500.0, .accel_g = part->accel[3].g,
+                                  .low_pass = gc_part_low_pass_ok(part, hz, 1.0) ? 1u : 0u};
+        const int error = gc_sensor_init(&imu, part, &port, emul.kind->address, &setup);
         const bool no_reset = refuse_writes_to == 0x06 && error == GC_E_RESET_TIMEOUT;
         const bool was_so = error == GC_OK && (imu.written[i] == 0 || (part->id == 0x70 && refuse_writes_to == 0x12));
         CHECK(error == GC_E_CONFIG_REFUSED || no_reset || was_so);
@@ -106,14 +156,14 @@ static void check_faults(const gc_part_t *part) {
     emul_brown_out(&emul);
     now += 4 * period;
     CHECK(gc_sensor_read(&imu, &s) == GC_E_CONFIG_LOST);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 250.0) == GC_OK); /* as a board that starts again */
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 250.0}) == GC_OK); /* as a board that starts again */
     now += 4 * period;
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 250.0) == GC_OK); /* with data waiting */
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 250.0}) == GC_OK); /* with data waiting */
     (void)wait_for_data(&imu);
     CHECK(gc_sensor_read(&imu, &s) == GC_OK && right(part, &imu, &s));
     CHECK(gc_sensor_fifo_begin(&imu, part->batch_max + 1u) == GC_E_ARGUMENT);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 300.0) == GC_E_ARGUMENT);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, 145.0, 250.0) == GC_E_ARGUMENT);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 300.0}) == GC_E_ARGUMENT);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = 145.0, .full_scale_dps = 250.0}) == GC_E_ARGUMENT);
 }
 
 /* Batches are whole and in order, whatever the delay is that the FIFO bridges; a longer one is told. */
@@ -180,7 +230,7 @@ static bool near_or_absent(double value, double expected) {
 static bool passes(const gc_part_t *part, gc_self_test_t *result, const emul_faults_t *faults, int error) {
     const double hz = part->odr[part->odrs / 2].hz;
     gc_sensor_t imu;
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, hz, 500.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = hz, .full_scale_dps = 500.0}) == GC_OK);
     emul_set_faults(&emul, faults);
     CHECK(gc_sensor_self_test(&imu, result) == error);
     emul_set_faults(&emul, &(emul_faults_t){.nack = false});
@@ -211,7 +261,7 @@ static void check_self_test(const gc_part_t *part) {
     emul_feed(&emul, now, fast);                                    /* 21 dps */
     CHECK(passes(part, &result, &sound, GC_OK) == isnan(result.rest_most_dps));
     CHECK(part->id != 0x71 || result.rest_most_dps == 20.0);
-    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, part->odr[part->odrs / 2].hz, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = part->odr[part->odrs / 2].hz, .full_scale_dps = 250.0}) == GC_OK);
     emul_feed(&emul, now, world);
     (void)wait_for_data(&imu);
     CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh && right(part, &imu, &s)); /* as it was before */
@@ -301,6 +351,8 @@ int main(void) {
         CHECK(part != NULL && strcmp(part->name, kind->name) == 0);
         check_rates(part);
         check_ranges(part);
+        check_accelerometer(part);
+        check_low_pass(part);
         check_faults(part);
         check_fifo(part);
         check_self_test(part);

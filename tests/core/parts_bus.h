@@ -86,7 +86,7 @@ static void power(double clock) {
 
 static int set_up(gc_sensor_t *imu, const gc_part_t *part, double odr_hz, double full_scale_dps, double clock) {
     power(clock);
-    return gc_sensor_init(imu, part, &port, emul.kind->address, odr_hz, full_scale_dps);
+    return gc_sensor_init(imu, part, &port, emul.kind->address, &(gc_setup_t){.odr_hz = odr_hz, .full_scale_dps = full_scale_dps});
 }
 
 #endif

@@ -139,11 +139,11 @@ static void check_strict_bmi270(void) {
     gc_port_t without = port;
     gc_sensor_t imu;
     without.part_file = NULL;
-    CHECK(gc_sensor_init(&imu, &gc_bmi270, &without, 0x68, 100.0, 250.0) == GC_E_PART_FILE);
+    CHECK(gc_sensor_init(&imu, &gc_bmi270, &without, 0x68, &(gc_setup_t){.odr_hz = 100.0, .full_scale_dps = 250.0}) == GC_E_PART_FILE);
     refuse_writes_to = 0x5E;
-    CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, 100.0, 250.0) == GC_E_PART_FILE_REFUSED);
+    CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, &(gc_setup_t){.odr_hz = 100.0, .full_scale_dps = 250.0}) == GC_E_PART_FILE_REFUSED);
     refuse_writes_to = -1;
-    CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, 100.0, 250.0) == GC_OK);
+    CHECK(gc_sensor_init(&imu, &gc_bmi270, &port, 0x68, &(gc_setup_t){.odr_hz = 100.0, .full_scale_dps = 250.0}) == GC_OK);
     write_reg(0x69, 0x04);
     write_reg(0x7E, 0x02); /* the gyroscope runs */
     now += 300000;

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.device.doctor import Check, Doctor, Heard, _clock
+from gyrocal.device.doctor import Check, Doctor, Heard, _clock, _noise
 from gyrocal.device.find import find_port
 from gyrocal.device.monitor import self_test_words
 from gyrocal.device.port import Link
@@ -83,6 +83,16 @@ def test_the_clocks_are_compared_as_far_as_this_computer_can(jumps_s: float, bus
         late_s = 0.001 + busy_s * rng.random() if n % 7 == 0 else late_s
         heard.arrived_s.append((n // 7 * 7 + 6) / 145 + late_s)
     assert _clock(0, heard).ok is ok
+
+
+@pytest.mark.parametrize(("low_pass", "sd_counts", "ok"), [("0", 5, True), ("0", 1, False), ("8", 1, True), ("8", 20, False)])
+def test_less_noise_than_usual_is_what_a_low_pass_is_for(low_pass: str, sd_counts: float, ok: bool) -> None:
+    rng = np.random.default_rng(0)
+    heard = Heard(hello={"lsb_dps": "0.00875", "noise_dps": "0.0448", "rate_hz": "145", "low_pass": low_pass})
+    for n in range(290):
+        counts = ",".join(str(round(sd_counts * x)) for x in rng.normal(size=3))
+        heard.raw.append(Sentence("RAW", n, 6897 * n, 0, f"{n},{counts},0,0,16393,0"))
+    assert _noise(0, heard).ok is ok
 
 
 @pytest.mark.parametrize(

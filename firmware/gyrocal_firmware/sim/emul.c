@@ -50,9 +50,12 @@
     static int part##_read(void *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n) {                          \
         return emul_##part##_read(chip, now_us, reg, data, n);                                                           \
     }                                                                                                                    \
+    static int part##_low_pass(const void *chip) {                                                                       \
+        return emul_##part##_low_pass(chip);                                                                             \
+    }                                                                                                                    \
     static const emul_family_t part = {part##_power_on, part##_brown_out, part##_set_faults, part##_set_fed_only,        \
                                        part##_set_world, part##_feed, part##_batches, part##_int1, part##_tick_us,       \
-                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for}
+                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass}
 
 #define SET_REST_OF_lsm6dso(c, faults) (c)->bad_tags = (faults)->bad_tags
 #define SET_REST_OF_lsm6dsv SET_REST_OF_lsm6dso
@@ -161,6 +164,10 @@ int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8
 
 const uint8_t *emul_part_file(const char *part, size_t *n) {
     return strcmp(part, "BMI270") == 0 ? emul_bmi270_file(n) : NULL;
+}
+
+int emul_low_pass(const emul_t *emul) {
+    return emul->kind->family->low_pass(&emul->chip);
 }
 
 double emul_clock_for(const emul_t *emul, double rate_hz) {

@@ -125,6 +125,11 @@ static void sample(emul_bmi088_t *chip, uint64_t now_us) {
     push(chip);
 }
 
+/* The code of rate and filter together. */
+int emul_bmi088_low_pass(const emul_bmi088_t *chip) {
+    return chip->reg[BANDWIDTH] & 7u;
+}
+
 void emul_bmi088_advance(emul_bmi088_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
     chip->now_us = now_us;

@@ -40,6 +40,8 @@ void emul_bmi088_feed(emul_bmi088_t *chip, uint64_t now_us, const int16_t world[
 bool emul_bmi088_batches(const emul_bmi088_t *chip);
 /* Returns the level of the pin INT3. */
 bool emul_bmi088_int1(const emul_bmi088_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_bmi088_low_pass(const emul_bmi088_t *chip);
 void emul_bmi088_advance(emul_bmi088_t *chip, uint64_t now_us);
 int emul_bmi088_write(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_bmi088_read(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

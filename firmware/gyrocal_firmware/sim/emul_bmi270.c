@@ -184,6 +184,12 @@ static void finish_test(emul_bmi270_t *chip, uint64_t now_us) {
     chip->reg[GYR_SELF_TEST_AXES] = chip->test_status != 0 ? 0 : (uint8_t)(ALL_RIGHT & ~((unsigned)chip->stuck_axes << 1));
 }
 
+/* 0 normal, 1 oversampled by two, 2 by four; 3 is reserved. */
+int emul_bmi270_low_pass(const emul_bmi270_t *chip) {
+    const int mode = chip->reg[GYR_CONF] >> 4 & 3;
+    return mode == 3 ? -1 : 2 - mode;
+}
+
 void emul_bmi270_advance(emul_bmi270_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
     finish_test(chip, now_us);

@@ -100,6 +100,11 @@ static void sample(emul_icm20948_t *chip, uint64_t now_us) {
     chip->reg[0][INT_STATUS_1] = (uint8_t)(chip->reg[0][INT_STATUS_1] | (chip->reg[0][INT_ENABLE_1] & 1u));
 }
 
+/* GYRO_DLPFCFG and one. */
+int emul_icm20948_low_pass(const emul_icm20948_t *chip) {
+    return (chip->reg[2][GYRO_CONFIG_1] & 1u) != 0 ? (chip->reg[2][GYRO_CONFIG_1] >> 3 & 7) + 1 : -1;
+}
+
 void emul_icm20948_advance(emul_icm20948_t *chip, uint64_t now_us) {
     if ((chip->reg[0][PWR_MGMT_1] & RESET) != 0 && now_us >= chip->reset_us) {
         defaults(chip);

@@ -11,6 +11,8 @@ enum {
     PWR_MGMT0 = 0x4E,
     GYRO_CONFIG0 = 0x4F,
     ACCEL_CONFIG0 = 0x50,
+    GYRO_CONFIG1 = 0x51,
+    GYRO_ACCEL_CONFIG0 = 0x52,
     INT_CONFIG1 = 0x64,
     INT_SOURCE0 = 0x65,
     SELF_TEST_CONFIG = 0x70,
@@ -41,8 +43,8 @@ static void defaults(emul_icm42688_t *chip) {
     chip->reg[0x4C] = 0x30; /* INTF_CONFIG0: the high byte comes first */
     chip->reg[GYRO_CONFIG0] = 0x06;
     chip->reg[ACCEL_CONFIG0] = 0x06;
-    chip->reg[0x51] = 0x16; /* GYRO_CONFIG1 */
-    chip->reg[0x52] = 0x11; /* GYRO_ACCEL_CONFIG0 */
+    chip->reg[GYRO_CONFIG1] = 0x16;
+    chip->reg[GYRO_ACCEL_CONFIG0] = 0x11;
     chip->reg[INT_CONFIG1] = 0x10;
     chip->reg[INT_SOURCE0] = 0x10;
     chip->gyro_us = UINT64_MAX;
@@ -114,6 +116,12 @@ static void finish_reset(emul_icm42688_t *chip, uint64_t now_us) {
         defaults(chip);
         chip->reg[INT_STATUS] = RESET_DONE;
     }
+}
+
+/* GYRO_UI_FILT_BW and one; 8 to 13 are reserved, and the two behind them are no filters of this kind. */
+int emul_icm42688_low_pass(const emul_icm42688_t *chip) {
+    const int filter = chip->reg[GYRO_ACCEL_CONFIG0] & 15u;
+    return filter < 8 ? filter + 1 : -1;
 }
 
 void emul_icm42688_advance(emul_icm42688_t *chip, uint64_t now_us) {

@@ -14,7 +14,9 @@ enum {
     CTRL1_XL = 0x10,
     CTRL2_G = 0x11,
     CTRL3_C = 0x12,
+    CTRL4_C = 0x13,
     CTRL5_C = 0x14,
+    CTRL6_C = 0x15,
     CTRL9_XL = 0x18,
     CTRL10_C = 0x19,
     STATUS_REG = 0x1E,
@@ -190,7 +192,7 @@ static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int axis) {
     const unsigned test = chip->reg[CTRL5_C] >> 2 & 3u; /* 1 = positive, 3 = negative */
     const double moved_dps = emul_is_stuck(chip->stuck_axes, axis) ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
     const double counts = chip->world[1 + axis] * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
-    const int16_t value = now_us < chip->settled_us ? 0 : emul_counts(counts);
+    const int16_t value = now_us < chip->settled_us || emul_lsm6dso_low_pass(chip) < 0 ? 0 : emul_counts(counts);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
 
@@ -231,6 +233,14 @@ static double period_us(const emul_lsm6dso_t *chip) {
     const double acc = odr_hz[chip->reg[CTRL1_XL] >> 4];
     const double rate = gyro > 0 ? gyro : acc;
     return rate > 0 ? 1e6 / (rate * chip->clock) : 0.0;
+}
+
+/* FTYPE and one, 0 where LPF1 is off. Its strong ones end at 1667 Hz, and older parts have two bits of it or none. */
+int emul_lsm6dso_low_pass(const emul_lsm6dso_t *chip) {
+    const bool on = (chip->reg[CTRL4_C] & 2u) != 0, fast = chip->reg[CTRL2_G] >> 4 > 8;
+    const int type = chip->reg[CTRL6_C] & 7u;
+    const int types = chip->id == ID_DS3 ? 0 : !has_i3c(chip) || fast ? 4 : 8;
+    return !on ? 0 : type < types ? type + 1 : -1;
 }
 
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us) {

@@ -14,6 +14,7 @@ enum {
     CTRL2 = 0x11,
     CTRL3 = 0x12,
     CTRL6 = 0x15,
+    CTRL7 = 0x16,
     CTRL8 = 0x17,
     CTRL10 = 0x19,
     FIFO_STATUS1 = 0x1B,
@@ -166,6 +167,11 @@ static void sample(emul_lsm6dsv_t *chip, uint64_t now_us) {
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | 4);
     batch(chip);
+}
+
+/* LPF1_G_BW and one, 0 where LPF1 is off. */
+int emul_lsm6dsv_low_pass(const emul_lsm6dsv_t *chip) {
+    return (chip->reg[CTRL7] & 1u) != 0 ? (chip->reg[CTRL6] >> 4 & 7) + 1 : 0;
 }
 
 void emul_lsm6dsv_advance(emul_lsm6dsv_t *chip, uint64_t now_us) {

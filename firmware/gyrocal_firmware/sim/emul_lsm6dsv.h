@@ -38,6 +38,8 @@ void emul_lsm6dsv_feed(emul_lsm6dsv_t *chip, uint64_t now_us, const int16_t worl
 bool emul_lsm6dsv_batches(const emul_lsm6dsv_t *chip);
 /* Returns the level of the pin INT1. */
 bool emul_lsm6dsv_int1(const emul_lsm6dsv_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_lsm6dsv_low_pass(const emul_lsm6dsv_t *chip);
 void emul_lsm6dsv_advance(emul_lsm6dsv_t *chip, uint64_t now_us);
 int emul_lsm6dsv_write(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_lsm6dsv_read(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -111,6 +111,12 @@ static void sample(emul_mpu6050_t *chip, uint64_t now_us) {
     chip->reg[INT_STATUS] = (uint8_t)(chip->reg[INT_STATUS] | (chip->reg[INT_ENABLE] & 1u));
 }
 
+/* DLPF_CFG; 0 and 7 raise the rate to 8 kHz. */
+int emul_mpu6050_low_pass(const emul_mpu6050_t *chip) {
+    const int filter = chip->reg[CONFIG] & 7u;
+    return filter == 0 || filter == 7 ? -1 : filter;
+}
+
 void emul_mpu6050_advance(emul_mpu6050_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
     if ((chip->reg[PWR_MGMT_1] & RESET) != 0 && now_us >= chip->reset_us) {

@@ -15,6 +15,10 @@ static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {1000.0, 1000.0 / 32768.0, 1},
                                     {2000.0, 2000.0 / 32768.0, 0}};
 
+static const gc_accel_t accels[] = {{2.0, 0}, {4.0, 1}, {8.0, 2}, {16.0, 3}};
+/* GYR_CONF by low-pass: normal, and oversampled by two and four. */
+static const uint8_t gyr_modes[] = {GC_BMI270_GYR_MODE, GC_BMI270_GYR_OSR2, GC_BMI270_GYR_OSR4};
+
 /* To the temperature; the interrupt's state in between is read too, which releases the latched pin. */
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[24];
@@ -92,8 +96,8 @@ static int upload(gc_sensor_t *imu, const uint8_t *file, size_t n) {
 
 static int configure(gc_sensor_t *imu) {
     imu->written[0] = (uint8_t)(GC_BMI270_ACC_MODE | imu->odr->code);
-    imu->written[1] = 0; /* 2 g */
-    imu->written[2] = (uint8_t)(GC_BMI270_GYR_MODE | imu->odr->code);
+    imu->written[1] = imu->accel->code;
+    imu->written[2] = (uint8_t)(gyr_modes[imu->low_pass] | imu->odr->code);
     imu->written[3] = imu->range->code;
     const uint8_t steps[][2] = {
         {GC_BMI270_ACC_CONF, imu->written[0]},
@@ -269,6 +273,7 @@ const gc_part_t gc_bmi270 = {
     .noise_dps = 0.09, /* 0.007 dps/sqrt(Hz) within the filter of 400 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 400.0,
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .accel = accels, .accels = sizeof accels / sizeof accels[0], .low_passes = 2,
     .watched_reg = GC_BMI270_ACC_CONF, .watched = CONFIG_REGS,
     .batch_max = 128, /* of 170 frames: a quarter of the FIFO is left for delays */
     .identify = identify, .set_up = set_up, .ready = ready, .read = burst,

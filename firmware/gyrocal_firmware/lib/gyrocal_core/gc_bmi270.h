@@ -61,6 +61,8 @@ extern "C" {
 #define GC_BMI270_AXES_OK 0x0Fu        /* it is done, and each axis is right */
 #define GC_BMI270_ACC_MODE 0xA0u      /* performance, normal filter */
 #define GC_BMI270_GYR_MODE 0xE0u      /* the same, with the lower noise */
+#define GC_BMI270_GYR_OSR2 0xD0u
+#define GC_BMI270_GYR_OSR4 0xC0u
 #define GC_BMI270_INT_ACTIVE_HIGH 0x0Au
 #define GC_BMI270_MAP_DRDY 0x04u
 #define GC_BMI270_MAP_WATERMARK 0x02u

@@ -31,10 +31,12 @@ static void tell_hello(gc_device_t *d) {
     gc_sentence_real(s, "odr_hz", d->sampler.sensor.odr_hz);
     gc_settings_field(s, settings, GC_SETTING_FULL_SCALE_DPS, d->config.parts);
     gc_sentence_real(s, "lsb_dps", d->sampler.sensor.lsb_dps);
-    gc_sentence_real(s, "lsb_g", part->lsb_g);
+    gc_sentence_real(s, "lsb_g", d->sampler.sensor.lsb_g);
     gc_sentence_real(s, "lsb_c", part->lsb_c);
     gc_sentence_real(s, "zero_c", part->zero_c);
     gc_sentence_real(s, "noise_dps", part->noise_dps);
+    gc_settings_field(s, settings, GC_SETTING_ACCEL_G, d->config.parts);
+    gc_settings_field(s, settings, GC_SETTING_LOW_PASS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_AXIS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TABLE_DPS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TURN_DEG, d->config.parts);
@@ -363,7 +365,7 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     tell_setting(d, command);
     save_settings(d, &before);
     if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
-        settings.fifo != before.fifo) {
+        settings.fifo != before.fifo || settings.accel_g != before.accel_g || settings.low_pass != before.low_pass) {
         gc_sampler_begin_anew(&d->sampler);
     }
     if (settings.sensor != before.sensor) {

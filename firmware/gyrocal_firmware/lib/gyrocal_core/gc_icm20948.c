@@ -13,6 +13,8 @@ static const gc_odr_t odrs[] = {{12.5, 89}, {25.0, 44}, {45.0, 24}, {56.25, 19},
 static const gc_range_t ranges[] = {
     {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x02}, {1000.0, 1.0 / 32.8, 0x04}, {2000.0, 1.0 / 16.4, 0x06}};
 
+static const gc_accel_t accels[] = {{2.0, 0x00}, {4.0, 0x02}, {8.0, 0x04}, {16.0, 0x06}};
+
 /* The widest filter below half of the output rate. */
 static uint8_t filter_code(double odr_hz) {
     static const struct {
@@ -80,12 +82,14 @@ static int read_watched(gc_sensor_t *imu, uint8_t *found) {
 }
 
 static int configure(gc_sensor_t *imu) {
-    const uint8_t filter = (uint8_t)(8u * filter_code(imu->odr_hz) | GC_ICM20948_FILTER_ON);
+    const uint8_t widest = filter_code(imu->odr_hz);
+    const uint8_t filter = (uint8_t)(8u * widest | GC_ICM20948_FILTER_ON);
+    const uint8_t low_pass = (uint8_t)(8u * (imu->low_pass > 0u ? imu->low_pass - 1u : widest) | GC_ICM20948_FILTER_ON);
     imu->written[PWR_1] = GC_ICM20948_CLOCK_AUTO;
     imu->written[PWR_2] = 0; /* both sensors on */
     imu->written[DIVIDER] = imu->odr->code;
-    imu->written[GYRO] = (uint8_t)(filter | imu->range->code);
-    imu->written[ACCEL] = filter; /* 2 g */
+    imu->written[GYRO] = (uint8_t)(low_pass | imu->range->code);
+    imu->written[ACCEL] = (uint8_t)(filter | imu->accel->code);
     const uint8_t steps[][2] = {
         {GC_ICM20948_PWR_MGMT_1, imu->written[PWR_1]},
         {GC_ICM20948_PWR_MGMT_1 + 1, imu->written[PWR_2]},
@@ -175,6 +179,7 @@ const gc_part_t gc_icm20948 = {
     .noise_dps = 0.23, /* 0.015 dps/sqrt(Hz) within 230 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 562.5,
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .accel = accels, .accels = sizeof accels / sizeof accels[0], .low_passes = 8,
     .watched = CONFIG_REGS, .read_watched = read_watched,
     .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
     .self_test = self_test,

@@ -41,7 +41,8 @@ extern "C" {
 #define GC_ICM42688_DATA_READY 0x08u   /* of INT_STATUS, and its source */
 #define GC_ICM42688_RESET_DONE 0x10u
 #define GC_ICM42688_LOW_NOISE 0x0Fu    /* both sensors */
-#define GC_ICM42688_ACCEL_2G 0x60u
+#define GC_ICM42688_ACCEL_FILTER_DEFAULT 0x10u /* a quarter of the rate */
+#define GC_ICM42688_GYRO_FILTER_DEFAULT 0x01u  /* the same */
 #define GC_ICM42688_GYRO_ORDER 0x0Cu
 #define GC_ICM42688_GYRO_3RD_ORDER 0x08u
 #define GC_ICM42688_GYRO_FILTER 0x0Fu

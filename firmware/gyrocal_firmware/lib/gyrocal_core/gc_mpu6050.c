@@ -12,6 +12,8 @@ static const gc_odr_t odrs[] = {{10.0, 99}, {20.0, 49},  {25.0, 39},  {50.0, 19}
 static const gc_range_t ranges[] = {
     {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x08}, {1000.0, 1.0 / 32.8, 0x10}, {2000.0, 1.0 / 16.4, 0x18}};
 
+static const gc_accel_t accels[] = {{2.0, 0x00}, {4.0, 0x08}, {8.0, 0x10}, {16.0, 0x18}};
+
 /* The widest filter below half of the output rate: 188, 98, 42, 20, 10 or 5 Hz. */
 static uint8_t filter_code(double odr_hz) {
     static const double from_hz[] = {500.0, 200.0, 100.0, 50.0, 20.0};
@@ -60,10 +62,11 @@ static int wake(gc_sensor_t *imu) {
 
 static int configure(gc_sensor_t *imu) {
     const uint8_t filter = filter_code(imu->odr_hz);
+    const uint8_t low_pass = imu->low_pass > 0u ? (uint8_t)imu->low_pass : filter; /* DLPF_CFG */
     imu->written[0] = imu->odr->code;
-    imu->written[1] = filter;
+    imu->written[1] = low_pass;
     imu->written[2] = imu->range->code;
-    imu->written[3] = 0; /* 2 g */
+    imu->written[3] = imu->accel->code;
     imu->written[4] = filter;
     int error = GC_OK;
     for (uint8_t i = 0; i < imu->part->watched && error == GC_OK; i++) {
@@ -151,7 +154,8 @@ static int test_by_code(gc_sensor_t *imu, gc_self_test_t *result) {
 #define ALIKE                                                                                                            \
     .address = {GC_MPU6050_ADDRESS, GC_MPU6050_ADDRESS_HIGH}, .lsb_g = 1.0 / 16384.0, .odr = odrs,                       \
     .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0, .range = ranges,                                      \
-    .ranges = sizeof ranges / sizeof ranges[0], .watched_reg = GC_MPU6050_SMPLRT_DIV, .identify = identify,              \
+    .ranges = sizeof ranges / sizeof ranges[0], .accel = accels, .accels = sizeof accels / sizeof accels[0],             \
+    .low_passes = 6, .watched_reg = GC_MPU6050_SMPLRT_DIV, .identify = identify,                                         \
     .set_up = set_up, .ready = ready, .read = burst
 #define WITH_ACCEL_FILTER                                                                                                \
     .traits = GC_MPU_HAS_ACCEL_FILTER, .watched = CONFIG_REGS + 1u, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,               \

@@ -28,9 +28,11 @@ void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settin
 
 static int begin_sensor(gc_sampler_t *sampler) {
     const gc_settings_t *settings = sampler->settings;
-    const double odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz);
-    int error =
-        gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, odr_hz, settings->full_scale_dps);
+    const gc_setup_t setup = {.odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz),
+                              .full_scale_dps = settings->full_scale_dps,
+                              .accel_g = settings->accel_g,
+                              .low_pass = (unsigned)settings->low_pass};
+    int error = gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, &setup);
     if (error == GC_OK && settings->fifo > 0.0) {
         error = gc_sensor_fifo_begin(&sampler->sensor, (unsigned)settings->fifo);
     }

@@ -39,6 +39,25 @@ double gc_part_odr_for(const gc_part_t *part, double rate_hz) {
     return 0.0;
 }
 
+/* 0 stands for the least one. */
+static const gc_accel_t *accel_of(const gc_part_t *part, double accel_g) {
+    for (size_t i = 0; i < part->accels; i++) {
+        if (accel_g == 0.0 || part->accel[i].g == accel_g) {
+            return &part->accel[i];
+        }
+    }
+    return NULL;
+}
+
+bool gc_part_accel_ok(const gc_part_t *part, double accel_g) {
+    return accel_of(part, accel_g) != NULL;
+}
+
+bool gc_part_low_pass_ok(const gc_part_t *part, double odr_hz, double low_pass) {
+    const unsigned most = part->low_passes_at != NULL ? part->low_passes_at(odr_hz) : part->low_passes;
+    return low_pass >= 0.0 && low_pass <= (double)most;
+}
+
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps) {
     return range_of(part, full_scale_dps) != NULL;
 }
@@ -184,11 +203,11 @@ int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other) {
     return memcmp(found, sensor->written, part->watched) == 0 ? GC_OK : error_if_other;
 }
 
-int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
-                   double full_scale_dps) {
-    const gc_odr_t *odr = odr_of(part, odr_hz);
-    const gc_range_t *range = range_of(part, full_scale_dps);
-    if (odr == NULL || range == NULL) {
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, const gc_setup_t *setup) {
+    const gc_odr_t *odr = odr_of(part, setup->odr_hz);
+    const gc_range_t *range = range_of(part, setup->full_scale_dps);
+    const gc_accel_t *accel = accel_of(part, setup->accel_g);
+    if (odr == NULL || range == NULL || accel == NULL || !gc_part_low_pass_ok(part, setup->odr_hz, setup->low_pass)) {
         return GC_E_ARGUMENT;
     }
     sensor->part = part;
@@ -196,9 +215,12 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     sensor->address = address;
     sensor->odr = odr;
     sensor->range = range;
-    sensor->odr_hz = odr_hz;
-    sensor->full_scale_dps = full_scale_dps;
+    sensor->accel = accel;
+    sensor->low_pass = setup->low_pass;
+    sensor->odr_hz = setup->odr_hz;
+    sensor->full_scale_dps = setup->full_scale_dps;
     sensor->lsb_dps = range->lsb_dps;
+    sensor->lsb_g = part->lsb_g * accel->g / part->accel[0].g;
     sensor->data_wait = false;
     const int error = part->set_up(sensor);
     sensor->batch = 0;

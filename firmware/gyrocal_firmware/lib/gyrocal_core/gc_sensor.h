@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 #define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
-#define GC_WATCHED_MAX 6u  /* registers */
+#define GC_WATCHED_MAX 8u  /* registers */
 #define GC_SENSOR_CONFIG_CHECK_US 500000u
 
 /* A reading in raw counts. */
@@ -46,6 +46,19 @@ typedef struct {
     uint8_t code;
 } gc_range_t;
 
+/* A range of the accelerometer. */
+typedef struct {
+    double g;
+    uint8_t code;
+} gc_accel_t;
+
+/* How a part is set up. */
+typedef struct {
+    double odr_hz, full_scale_dps;
+    double accel_g;    /* range of the accelerometer; 0 = the least */
+    unsigned low_pass; /* number of the gyroscope's low-pass, from 1; 0 = the driver's choice */
+} gc_setup_t;
+
 /* What the part's own test of the gyroscope found. NaN: the part tells the result alone, or the maker sets no such limit. */
 typedef struct {
     bool passed;
@@ -62,7 +75,7 @@ typedef struct {
     uint8_t address[2]; /* on the bus, by a pin of the part; the first is the usual one */
     uint8_t id;         /* what its register WHO_AM_I holds; some parts share one */
     uint8_t traits;     /* the driver's own: in what the parts of its family differ */
-    double lsb_g, lsb_c;
+    double lsb_g, lsb_c; /* of the accelerometer's least range */
     double noise_dps; /* typical standard deviation of one reading */
     double zero_c; /* temperature = zero_c + lsb_c * counts */
     const gc_odr_t *odr; /* output data rates, ascending */
@@ -70,6 +83,10 @@ typedef struct {
     double polled_from_hz; /* for any other rate the sensor is polled, at this output data rate or above */
     const gc_range_t *range;
     size_t ranges;
+    const gc_accel_t *accel; /* ascending */
+    size_t accels;
+    unsigned low_passes; /* that the maker's registers number, and, where some rates have fewer of them: */
+    unsigned (*low_passes_at)(double odr_hz);
     uint8_t watched_reg; /* the first of the registers that must keep what was written to them, and */
     uint8_t watched;     /* how many there are */
     /* Optional, where they do not lie in a row or on one die: reads them in the order of `written`. */
@@ -98,10 +115,13 @@ struct gc_sensor {
     uint8_t other_address; /* of the part's second die, where it has one */
     const gc_odr_t *odr;
     const gc_range_t *range;
+    const gc_accel_t *accel;
+    unsigned low_pass;
     double odr_hz;    /* nominal */
     double period_us; /* output period by the part's own clock */
     double full_scale_dps;
     double lsb_dps;
+    double lsb_g;
     uint8_t written[GC_WATCHED_MAX]; /* values written to the watched registers */
     uint64_t config_checked_us;
     uint64_t looked_us; /* when the bus was last asked whether data are ready */
@@ -117,6 +137,9 @@ struct gc_sensor {
 /* Returns the output data rate in Hz that serves `rate_hz`: the rate itself if it is one of the part's, else the first one from
    polled_from_hz on that is a fifth above it, or 0 if there is none. */
 double gc_part_odr_for(const gc_part_t *part, double rate_hz);
+/* Returns true if the part has this range of the accelerometer, or this low-pass at the output data rate. 0 always is one. */
+bool gc_part_accel_ok(const gc_part_t *part, double accel_g);
+bool gc_part_low_pass_ok(const gc_part_t *part, double odr_hz, double low_pass);
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
 bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
 /* Returns the first part of a list, which ends with NULL, that may have the address; NULL if there is none. */
@@ -127,10 +150,8 @@ int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t a
    that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. */
 uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found);
 
-/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
-   do not allow. */
-int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
-                   double full_scale_dps);
+/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for a set-up that the functions above do not allow. */
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, const gc_setup_t *setup);
 /* Returns 1 if new data wait, 0 if none do, negative on error. */
 int gc_sensor_ready(gc_sensor_t *sensor);
 /* Reads the flag and, where it is set, the sample. Every 0.5 s, and when data stay away, also checks that the part still has its
