@@ -272,6 +272,8 @@ static void check_fifo_registers(void) {
         CHECK(chip.reg[0x0A] == (i < 2 ? 0x26 : 0x36)); /* continuous; temperature at 12.5 or 52 Hz */
         CHECK(chip.reg[0x0D] == 0x08);
     }
+    begin_fifo(&imu, 3333.0, 128);
+    CHECK(chip.reg[0x07] == 128 && chip.reg[0x08] == 0 && chip.reg[0x09] == 0x94); /* the accelerometer at 104 Hz */
     CHECK(gc_sensor_fifo_begin(&imu, 0) == GC_E_ARGUMENT && gc_sensor_fifo_begin(&imu, 129) == GC_E_ARGUMENT);
     refuse_writes_to = 0x09;
     CHECK(fresh_chip(&imu, 104.0, 250.0) == GC_OK && gc_sensor_fifo_begin(&imu, 4) == GC_E_CONFIG_REFUSED);

@@ -110,6 +110,14 @@ static void push(emul_lsm6dsv_t *chip, unsigned tag, const int16_t *values, int 
     }
 }
 
+/* Whether a word of which there are so many a slot is due. */
+static bool due(double *share, double a_slot) {
+    *share += fmin(1.0, a_slot);
+    const bool yes = *share > 0.999;
+    *share -= yes ? 1.0 : 0.0;
+    return yes;
+}
+
 static void batch(emul_lsm6dsv_t *chip) {
     static const double temp_hz[4] = {0, 1.875, 15, 60};
     const double slot_hz = gyro_hz(chip);
@@ -120,12 +128,10 @@ static void batch(emul_lsm6dsv_t *chip) {
     if (odr_hz[chip->reg[FIFO_CTRL3] >> 4] == slot_hz) {
         push(chip, 1, chip->inside + 1, 3);
     }
-    if (odr_hz[chip->reg[FIFO_CTRL3] & 15] == slot_hz && acc_hz(chip) > 0.0) {
+    if (acc_hz(chip) > 0.0 && due(&chip->acc_due, odr_hz[chip->reg[FIFO_CTRL3] & 15] / slot_hz)) {
         push(chip, 2, chip->inside + 4, 3);
     }
-    chip->temp_due += fmin(1.0, temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3] / slot_hz);
-    if (chip->temp_due > 0.999) {
-        chip->temp_due -= 1.0;
+    if (due(&chip->temp_due, temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3] / slot_hz)) {
         push(chip, 3, chip->inside, 1);
     }
 }

@@ -329,6 +329,9 @@ static int do_stream(gc_device_t *d, const gc_command_t *command) {
     if (command->stream == GC_STREAM_CORRECTED && !gc_kept_has_correction(&d->kept)) {
         return GC_E_NOT_CALIBRATED;
     }
+    if (!gc_stream_fits(command->stream, d->settings.now.rate_hz)) {
+        return GC_E_STREAM_RATE;
+    }
     d->stream = command->stream;
     acknowledge(d, command, "stream", gc_stream_name(d->stream));
     return GC_OK;
@@ -357,6 +360,9 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     }
     if (error == GC_OK) {
         error = gc_settings_check(&settings, part);
+    }
+    if (error == GC_OK && !gc_stream_fits(d->stream, settings.rate_hz)) {
+        error = GC_E_STREAM_RATE;
     }
     if (error != GC_OK) {
         return error;

@@ -8,7 +8,7 @@
 #define RESET_LOOK_US 50u
 enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL_REGS }; /* the watched ones */
 
-static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}};
+static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}, {3333.0, 9}};
 static const gc_range_t ranges[] = {
     {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C},
 };
@@ -127,7 +127,7 @@ static int ready(gc_sensor_t *imu) {
 /* ---- FIFO ---- */
 
 static const gc_tagged_fifo_t fifo = {.status_reg = GC_LSM6DSO_FIFO_STATUS1, .level_bits = 2, .has_parity = true,
-                                      .slow_temp_hz = 12.5, .temp_hz = 52.0};
+                                      .slow_temp_hz = 12.5, .temp_hz = 52.0, .acc_code = 4, .acc_hz = 104.0};
 
 static int fifo_begin(gc_sensor_t *imu) {
     const int error = route_int1(imu, GC_LSM6DSO_INT1_FIFO_TH);
@@ -150,12 +150,17 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
     return gc_self_test_by_change(imu, &test, result);
 }
 
+/* The strong ones end at 1667 Hz. */
+static unsigned low_passes_at(double odr_hz) {
+    return odr_hz > GC_FIFO_ALONE_HZ ? 4u : 8u;
+}
+
 /* The part's table of ranges; what the parts with a FIFO of tagged words have; what all of the family have. */
 #define WITH_RANGES(table) .range = (table), .ranges = sizeof(table) / sizeof(table)[0]
 /* Samples of at most three words: a quarter of the FIFO is left for delays. */
 #define WITH_ACCELS(table) .accel = (table), .accels = sizeof(table) / sizeof(table)[0]
 #define WITH_FIFO                                                                                                        \
-    .traits = GC_LSM6_HAS_I3C | GC_LSM6_HAS_FREQ_FINE, .low_passes = 8, .batch_max = 128, .fifo_begin = fifo_begin, .fifo_read = fifo_read
+    .traits = GC_LSM6_HAS_I3C | GC_LSM6_HAS_FREQ_FINE, .low_passes = 8, .low_passes_at = low_passes_at, .batch_max = 128, .fifo_begin = fifo_begin, .fifo_read = fifo_read
 #define ALIKE                                                                                                            \
     .address = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW}, .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0],          \
     .polled_from_hz = 416.0, .watched_reg = GC_LSM6DSO_CTRL1_XL, .watched = CTRL_REGS, .identify = identify,             \

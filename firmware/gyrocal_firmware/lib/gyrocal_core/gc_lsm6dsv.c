@@ -9,12 +9,12 @@ enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL7, CTRL8, CONFIG_REGS }; /*
 #define TEST_CODE_240_HZ 7u
 #define TEST_CODE_2000_DPS 4u
 
-static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}};
+static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}, {3840.0, 11}};
 static const gc_range_t ranges[] = {{125.0, 0.004375, 0x00}, {250.0, 0.00875, 0x01}, {500.0, 0.0175, 0x02},
                                     {1000.0, 0.035, 0x03},   {2000.0, 0.070, 0x04},  {4000.0, 0.140, 0x0C}};
 static const gc_accel_t accels[] = {{2.0, 0}, {4.0, 1}, {8.0, 2}, {16.0, 3}};
 static const gc_tagged_fifo_t fifo = {
-    .status_reg = GC_LSM6DSV_FIFO_STATUS1, .level_bits = 1, .slow_temp_hz = 15.0, .temp_hz = 60.0};
+    .status_reg = GC_LSM6DSV_FIFO_STATUS1, .level_bits = 1, .slow_temp_hz = 15.0, .temp_hz = 60.0, .acc_code = 6, .acc_hz = 120.0};
 
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[14];

@@ -32,7 +32,7 @@ double gc_part_odr_for(const gc_part_t *part, double rate_hz) {
     }
     for (size_t i = 0; i < part->odrs; i++) {
         const double hz = part->odr[i].hz;
-        if (hz >= part->polled_from_hz && hz >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
+        if (hz >= part->polled_from_hz && hz <= GC_FIFO_ALONE_HZ && hz >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
             return hz;
         }
     }

@@ -18,11 +18,21 @@ static double temp_hz(const gc_tagged_fifo_t *fifo, const gc_sensor_t *imu) {
     return imu->odr_hz < fifo->temp_hz ? fifo->slow_temp_hz : fifo->temp_hz;
 }
 
+static bool gyro_alone(const gc_sensor_t *imu) {
+    return imu->odr_hz > GC_FIFO_ALONE_HZ;
+}
+
+static double words_a_sample(const gc_tagged_fifo_t *fifo, const gc_sensor_t *imu) {
+    const double acc_hz = gyro_alone(imu) ? fifo->acc_hz : imu->odr_hz;
+    return 1.0 + (acc_hz + temp_hz(fifo, imu)) / imu->odr_hz;
+}
+
 int gc_tagged_fifo_restart(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu) {
-    const unsigned words = 2u * imu->batch;
+    const unsigned words = gyro_alone(imu) ? imu->batch : 2u * imu->batch;
     const uint8_t odr_code = imu->odr->code;
+    const uint8_t acc_code = gyro_alone(imu) ? fifo->acc_code : odr_code;
     const unsigned temp_code = temp_hz(fifo, imu) < fifo->temp_hz ? 2u : 3u;
-    const uint8_t ctrl[] = {(uint8_t)(words & 0xFFu), (uint8_t)(words >> 8), (uint8_t)(odr_code << 4 | odr_code),
+    const uint8_t ctrl[] = {(uint8_t)(words & 0xFFu), (uint8_t)(words >> 8), (uint8_t)(odr_code << 4 | acc_code),
                             (uint8_t)(temp_code << 4 | CONTINUOUS)};
     uint8_t kept[sizeof ctrl];
     int error = gc_sensor_write_reg(imu, FIFO_CTRL1 + 3, 0); /* bypass empties it */
@@ -50,7 +60,8 @@ static bool even_parity(uint8_t tag) {
     return ones % 2u == 0u;
 }
 
-/* A sample is whole when gyroscope and accelerometer of one time slot are there, in whatever order. */
+/* A sample is whole when gyroscope and accelerometer of one time slot are there, in whatever order; where the accelerometer's come more
+   slowly, with the gyroscope's word. */
 static int take_word(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, const uint8_t *data, gc_batch_t *batch) {
     const unsigned tag = data[0] >> 3;
     const uint8_t slot = (uint8_t)(data[0] >> 1 & 3);
@@ -69,7 +80,7 @@ static int take_word(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, const uint8
     for (size_t i = 0; i < 3u; i++) {
         (tag == TAG_GYRO ? imu->partial.gyro : imu->partial.acc)[i] = gc_sensor_word(data[2u + 2u * i], data[1u + 2u * i]);
     }
-    if (imu->partial_has == (TAG_GYRO | TAG_ACC)) {
+    if (gyro_alone(imu) ? tag == TAG_GYRO : imu->partial_has == (TAG_GYRO | TAG_ACC)) {
         imu->partial_has = 0;
         imu->partial.fresh = true;
         batch->sample[batch->n++] = imu->partial;
@@ -78,9 +89,10 @@ static int take_word(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, const uint8
 }
 
 static int take_words(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, unsigned words, gc_batch_t *batch) {
+    const unsigned most = gyro_alone(imu) ? BURST_WORDS : BURST_WORDS / 2u; /* samples in a burst */
     uint8_t data[BURST_WORDS * WORD_BYTES];
     int error = GC_OK;
-    while (error == GC_OK && words > 0u && batch->n + BURST_WORDS / 2u < GC_BATCH_MAX) {
+    while (error == GC_OK && words > 0u && batch->n + most < GC_BATCH_MAX) {
         const unsigned n = words < BURST_WORDS ? words : BURST_WORDS;
         error = gc_sensor_read_regs(imu, FIFO_DATA_OUT_TAG, data, n * WORD_BYTES);
         for (unsigned i = 0; i < n && error == GC_OK; i++) {
@@ -89,7 +101,7 @@ static int take_words(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, unsigned w
         words -= n;
     }
     imu->fifo_broken = error != GC_OK; /* the start of the next word is unknown */
-    batch->left = (unsigned)((double)words / (2.0 + temp_hz(fifo, imu) / imu->odr_hz));
+    batch->left = (unsigned)((double)words / words_a_sample(fifo, imu));
     return error;
 }
 
