@@ -269,7 +269,8 @@ static void check_fifo_registers(void) {
         begin_fifo(&imu, rates[i], 128);
         CHECK(chip.reg[0x07] == 0 && chip.reg[0x08] == 1); /* 256 words */
         CHECK(chip.reg[0x09] == (i + 1) * 0x11);
-        CHECK(chip.reg[0x0A] == (i < 2 ? 0x26 : 0x36)); /* continuous; temperature at 12.5 or 52 Hz */
+        CHECK(chip.reg[0x0A] == (i < 2 ? 0xE6 : 0xF6)); /* continuous; a stamp every 32 samples; temperature at 12.5 or 52 Hz */
+        CHECK(chip.reg[0x19] == 0x20);
         CHECK(chip.reg[0x0D] == 0x08);
     }
     begin_fifo(&imu, 3333.0, 128);
@@ -348,7 +349,7 @@ static void check_fifo_losses(void) {
             CHECK(is_numbered(&batch.sample[i], last));
         }
     } while (batch.n > 0);
-    CHECK(flagged && last == 1001 && n >= 512 * 2 / 5 - 1 && n <= 512 * 2 / 5 + 1);
+    CHECK(flagged && last == 1001 && n >= 512 * 64 / 162 - 1 && n <= 512 * 64 / 162 + 1); /* 162 words hold 64 samples */
 
     /* A transfer that breaks off, a damaged tag: what came before counts, the rest is lost and said to be. */
     for (int fault = 0; fault < 2; fault++) {

@@ -271,6 +271,38 @@ static void check_self_test(const gc_part_t *part) {
     emul_set_faults(&emul, &sound);
 }
 
+/* By the part's own time it is known, after however long a flood, how many samples were lost, also where its transfers broke. */
+static void check_stamps(const gc_part_t *part) {
+    static gc_batch_t batch;
+    for (size_t i = 1; i < part->odrs && part->address[0] == 0x6B && part->batch_max > 0u; i++) {
+        const double hz = part->odr[i].hz, period_us = 1e6 * emul_clock_for(&emul, hz) / hz / 1.02;
+        gc_sensor_t imu;
+        unsigned taken = 0, lost = 0;
+        bool known = true;
+        CHECK(set_up(&imu, part, hz, 500.0, 1.02) == GC_OK && gc_sensor_fifo_begin(&imu, 32) == GC_OK);
+        const uint64_t begun = now;
+        for (int k = 0; k < 24; k++) {
+            const bool flood = k == 8 || k == 16, breaks = k == 12;
+            now += (uint64_t)((flood ? 1000.0 + 37.0 * k : 33.0) * period_us);
+            if (breaks) {
+                set_faults(true, false, false, false);
+                CHECK(gc_sensor_fifo_read(&imu, &batch) == GC_E_BUS_NACK);
+                set_faults(false, false, false, false);
+                imu.fifo_broken = true; /* as after a transfer in its middle */
+                continue;
+            }
+            do {
+                CHECK(gc_sensor_fifo_read(&imu, &batch) == GC_OK && batch.overrun == (flood && batch.gap));
+                known = known && (!batch.overrun || batch.lost_known);
+                lost += batch.lost;
+                taken += batch.n;
+            } while (batch.left > 0u);
+        }
+        const double missing = (double)(now - begun) / period_us - (double)(taken + lost);
+        CHECK(known && lost > 1200u && fabs(missing) < 2.5); /* at both ends */
+    }
+}
+
 /* Where the gyroscope's samples are too many for the bus, the accelerometer's come more slowly; the newest stay with them. */
 static void check_accelerometer_in_fifo(const gc_part_t *part) {
     static const int16_t turned[EMUL_WORDS] = {-768, 4571, -6857, 11429, -8197, 12295, -16393};
@@ -376,6 +408,7 @@ int main(void) {
         check_faults(part);
         check_fifo(part);
         check_accelerometer_in_fifo(part);
+        check_stamps(part);
         check_self_test(part);
         check_found(part);
         check_exchanged(part, kind);

@@ -11,7 +11,7 @@ from .test_device import DOWN, UP, errors
 FIFO = "> set rate_hz 104\n> set fifo 16\n"
 ROOT_HZ = 6667.0  # application note AN5192: 104 Hz stands for this / 64, and so on
 PERIOD_US = 64e6 / ROOT_HZ
-HOLDS_S = 512 / (2 * ROOT_HZ / 64 + ROOT_HZ / 128)  # gyroscope, accelerometer and temperature words
+HOLDS_S = 512 / (2 * ROOT_HZ / 64 + ROOT_HZ / 128 + ROOT_HZ / 64 / 32)  # words: gyroscope, accelerometer, temperature, time
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +154,29 @@ def test_an_overrun_is_told_counted_and_shows_in_the_times(bench: Path) -> None:
     assert status(text, "missed") == round(np.diff(t_us)[gap] / PERIOD_US) - 1
     assert len(t_us) + status(text, "missed") == pytest.approx((t_us[-1] - t_us[0]) / PERIOD_US + 1, abs=1)
     assert sentences(text, "RUN")[1]["missed"] == str(status(text, "missed"))
+
+
+@pytest.mark.parametrize("clock", [0.97, 1.0, 1.03])
+@pytest.mark.parametrize(
+    ("settings", "true_hz", "before_s", "busy_s"),
+    [
+        (FIFO, ROOT_HZ / 64, 2, 5.005),
+        ("> set rate_hz 12.5\n> set fifo 3\n", ROOT_HZ / 512, 9, 20.01),
+        (FASTEST, ROOT_HZ / 2, 1, 0.5),
+    ],
+)
+def test_the_sensors_own_time_counts_what_an_overrun_lost(
+    bench: Path, clock: float, settings: str, true_hz: float, before_s: float, busy_s: float
+) -> None:
+    """Its stamps count by its own clock, which is off the nominal rate: 12.5 stands for 13.02 Hz."""
+    busy = f"> start up\nrun {before_s}\nbusy {busy_s}\nrun 1\n> stop\n> status\n"
+    text = run(bench, f"clock {clock}\n{UP}power\n{settings}{busy}")
+    end = sentences(text, "RUN")[1]
+    assert "fifo_overrun" in errors(text)
+    assert end["missed"] == str(status(text, "missed"))
+    assert int(end["missed"]) > 30
+    periods = int(end["n"]) - 1 + int(end["missed"])
+    assert periods == pytest.approx(end.number("duration_s") * true_hz * clock, abs=0.6)
 
 
 @pytest.mark.parametrize(("fault", "name"), [("nack", "bus_nack"), ("short", "bus_short")])

@@ -30,7 +30,7 @@ enum {
 
 enum { ID_DSO = 0x6C, ID_DSR = 0x6B, ID_DS3 = 0x69 };
 enum { FIFO_OFF = 0, FIFO_STOPS_WHEN_FULL = 1, FIFO_CONTINUOUS = 6 };
-enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
+enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3, TAG_STAMP = 4 };
 
 #define BOOT_US 10000u
 #define RESET_US 50u
@@ -149,7 +149,19 @@ static bool due(double *batched, double rate_hz, double slot_hz) {
     return yes;
 }
 
-static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
+/* The time runs by the part's clock, 25 us a tick, and stands before the words of its slot. */
+static void stamp(emul_lsm6dso_t *chip, uint64_t now_us) {
+    static const unsigned every[] = {0, 1, 8, 32};
+    const unsigned slots = every[chip->reg[FIFO_CTRL4] >> 6];
+    if (slots > 0 && (chip->reg[CTRL10_C] & 0x20) != 0 && ++chip->stamped >= slots) {
+        const uint64_t ticks = (uint64_t)((chip->fed_only ? (double)now_us : chip->tick_us) * chip->clock / 25.0);
+        const int16_t words[2] = {(int16_t)(ticks & 0xFFFF), (int16_t)(ticks >> 16 & 0xFFFF)};
+        chip->stamped = 0;
+        push(chip, TAG_STAMP, words, 2);
+    }
+}
+
+static void batch(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t value[EMUL_WORDS]) {
     static const double temp_hz[] = {0, ROOT_HZ / 4096, ROOT_HZ / 512, ROOT_HZ / 128};
     const double gyro_hz = odr_hz[chip->reg[FIFO_CTRL3] >> 4];
     const double acc_hz = odr_hz[chip->reg[FIFO_CTRL3] & 15];
@@ -158,6 +170,7 @@ static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
         return;
     }
     chip->slot++;
+    stamp(chip, now_us);
     if (due(&chip->batched[0], gyro_hz, slot_hz)) {
         push(chip, TAG_GYRO, value + 1, 3);
     }
@@ -225,7 +238,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
         }
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | (gyro || acc ? 4 : 0));
-    batch(chip, now);
+    batch(chip, now_us, now);
 }
 
 static double period_us(const emul_lsm6dso_t *chip) {

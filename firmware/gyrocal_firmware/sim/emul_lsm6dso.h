@@ -34,6 +34,7 @@ typedef struct {
     uint8_t fifo[EMUL_FIFO_WORDS][EMUL_FIFO_WORD_BYTES];
     unsigned fifo_first, fifo_n;
     unsigned slot; /* time slots so far; the tag holds the lowest two bits */
+    unsigned stamped;  /* slots since the last stamp of the time */
     double batched[3]; /* gyroscope, accelerometer, temperature: share of the next word that is due */
 
     /* misbehaviour */

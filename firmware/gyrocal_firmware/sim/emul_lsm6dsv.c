@@ -23,6 +23,7 @@ enum {
     OUT_FIRST = 0x20,
     OUT_LAST = 0x2D,
     INTERNAL_FREQ = 0x4F,
+    FUNCTIONS_ENABLE = 0x50,
     FIFO_TAG = 0x78,
     FIFO_LAST = 0x7E,
 };
@@ -118,7 +119,19 @@ static bool due(double *share, double a_slot) {
     return yes;
 }
 
-static void batch(emul_lsm6dsv_t *chip) {
+/* The time runs by the part's clock, six ticks in a sample of 7680 Hz, and stands behind the words of its slot. */
+static void stamp(emul_lsm6dsv_t *chip, uint64_t now_us) {
+    static const unsigned every[4] = {0, 1, 8, 32};
+    const unsigned slots = every[chip->reg[FIFO_CTRL4] >> 6];
+    if (slots > 0 && (chip->reg[FUNCTIONS_ENABLE] & 0x40u) != 0 && ++chip->stamped >= slots) {
+        const uint64_t ticks = (uint64_t)((chip->fed_only ? (double)now_us : chip->tick_us) * chip->clock * 0.04608);
+        const int16_t words[2] = {(int16_t)(ticks & 0xFFFF), (int16_t)(ticks >> 16 & 0xFFFF)};
+        chip->stamped = 0;
+        push(chip, 4, words, 2);
+    }
+}
+
+static void batch(emul_lsm6dsv_t *chip, uint64_t now_us) {
     static const double temp_hz[4] = {0, 1.875, 15, 60};
     const double slot_hz = gyro_hz(chip);
     if (!emul_lsm6dsv_batches(chip) || slot_hz == 0.0) {
@@ -134,6 +147,7 @@ static void batch(emul_lsm6dsv_t *chip) {
     if (due(&chip->temp_due, temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3] / slot_hz)) {
         push(chip, 3, chip->inside, 1);
     }
+    stamp(chip, now_us);
 }
 
 static uint8_t fifo_byte(emul_lsm6dsv_t *chip, uint8_t reg) {
@@ -172,7 +186,7 @@ static void sample(emul_lsm6dsv_t *chip, uint64_t now_us) {
         chip->inside[4 + i] = acc ? emul_counts(chip->world[4 + i] * EMUL_WORLD_G / lsb_g) : 0;
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | 4);
-    batch(chip);
+    batch(chip, now_us);
 }
 
 /* LPF1_G_BW and one, 0 where LPF1 is off. */

@@ -19,6 +19,7 @@ typedef struct {
     int16_t inside[EMUL_WORDS]; /* the newest sample; a burst reads the one that was there at its start */
     uint8_t fifo[EMUL_LSM6DSV_WORDS][EMUL_LSM6DSV_WORD_BYTES];
     unsigned fifo_first, fifo_n, slot;
+    unsigned stamped;    /* slots since the last stamp of the time */
     double acc_due, temp_due; /* shares of the next words that are due */
     uint64_t boot_us;    /* no answer before */
     uint64_t reset_us;   /* SW_RESET reads 1 until then */

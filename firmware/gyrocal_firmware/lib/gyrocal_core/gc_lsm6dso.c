@@ -130,7 +130,10 @@ static const gc_tagged_fifo_t fifo = {.status_reg = GC_LSM6DSO_FIFO_STATUS1, .le
                                       .slow_temp_hz = 12.5, .temp_hz = 52.0, .acc_code = 4, .acc_hz = 104.0};
 
 static int fifo_begin(gc_sensor_t *imu) {
-    const int error = route_int1(imu, GC_LSM6DSO_INT1_FIFO_TH);
+    int error = route_int1(imu, GC_LSM6DSO_INT1_FIFO_TH);
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL10_C, GC_LSM6DSO_CTRL10_TIMESTAMP);
+    }
     return error == GC_OK ? gc_tagged_fifo_restart(&fifo, imu) : error;
 }
 

@@ -31,6 +31,7 @@ extern "C" {
 #define GC_LSM6DSO_CTRL5_C 0x14
 #define GC_LSM6DSO_WHO_AM_I 0x0F
 #define GC_LSM6DSO_CTRL9_XL 0x18
+#define GC_LSM6DSO_CTRL10_C 0x19
 #define GC_LSM6DSO_STATUS 0x1E
 #define GC_LSM6DSO_OUT_TEMP_L 0x20
 #define GC_LSM6DSO_FIFO_STATUS1 0x3A
@@ -52,6 +53,7 @@ extern "C" {
 #define GC_LSM6DSO_CTRL3_SW_RESET 0x01u
 #define GC_LSM6DSO_CTRL9_I3C_DISABLE 0x02u
 #define GC_LSM6DSO_CTRL5_GYRO_TEST 0x04u /* the gyroscope's mass is moved as by a positive rate */
+#define GC_LSM6DSO_CTRL10_TIMESTAMP 0x20u
 #define GC_LSM6DSO_STATUS_XLDA 0x01u
 #define GC_LSM6DSO_STATUS_GDA 0x02u
 #define GC_LSM6DSO_STATUS_TDA 0x04u

@@ -112,7 +112,10 @@ static int ready(gc_sensor_t *imu) {
 }
 
 static int fifo_begin(gc_sensor_t *imu) {
-    const int error = route_int1(imu, GC_LSM6DSV_INT1_FIFO_TH);
+    int error = route_int1(imu, GC_LSM6DSV_INT1_FIFO_TH);
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSV_FUNCTIONS_ENABLE, GC_LSM6DSV_TIMESTAMP);
+    }
     return error == GC_OK ? gc_tagged_fifo_restart(&fifo, imu) : error;
 }
 

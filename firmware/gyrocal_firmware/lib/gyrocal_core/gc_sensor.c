@@ -222,6 +222,7 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     sensor->lsb_dps = range->lsb_dps;
     sensor->lsb_g = part->lsb_g * accel->g / part->accel[0].g;
     sensor->data_wait = false;
+    sensor->stamps = (gc_stamps_t){.known = false};
     const int error = part->set_up(sensor);
     sensor->batch = 0;
     sensor->config_checked_us = port->now_us(port->context);
@@ -295,6 +296,8 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch) {
     batch->left = 0;
     batch->overrun = false;
     batch->gap = false;
+    batch->lost_known = false;
+    batch->lost = 0;
     int error = sensor->part->fifo_read(sensor, batch);
     if (error == GC_OK) {
         error = judge_silence(sensor, batch->t_us);

@@ -35,6 +35,8 @@ typedef struct {
     unsigned left; /* samples still in there, within one */
     bool overrun;  /* it was full */
     bool gap;      /* samples are missing before the next one, because the FIFO was full or was started again */
+    bool lost_known; /* the part's own times tell how many did not come since they last told it: */
+    uint32_t lost;
     uint64_t t_us, until_us; /* time at which the level was read; the newest sample was taken within one period before it */
 } gc_batch_t;
 
@@ -69,6 +71,15 @@ typedef struct {
     double least_dps[3], most_dps[3];   /* between which the maker wants it */
     double rest_dps[3], rest_most_dps;  /* the readings before, and the largest that the maker allows */
 } gc_self_test_t;
+
+/* The part's own time in its FIFO: a stamp at some samples, in ticks. The samples between two stamps tell the ticks of one. */
+typedef struct {
+    bool known;            /* a stamp came */
+    uint32_t ticks;        /* the latest */
+    int32_t since;         /* samples since the stamped one; -1 = that comes next */
+    double ticks_a_sample; /* 0 = not known yet */
+    uint32_t base_ticks, base_samples; /* it is counted from here */
+} gc_stamps_t;
 
 typedef struct gc_sensor gc_sensor_t;
 
@@ -135,6 +146,8 @@ struct gc_sensor {
     bool fifo_broken;  /* the FIFO must be started again */
     gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
     uint8_t partial_slot, partial_has; /* number of the slot, and the words of it that have come */
+    uint8_t whole_slot; /* that of the latest whole sample; beyond 3 = none */
+    gc_stamps_t stamps;
 };
 
 /* Returns the output data rate in Hz that serves `rate_hz`: the rate itself if it is one of the part's, else the first one from

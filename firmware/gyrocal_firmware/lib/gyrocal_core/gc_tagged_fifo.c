@@ -12,6 +12,10 @@
 #define TAG_GYRO 0x01u
 #define TAG_ACC 0x02u
 #define TAG_TEMP 0x03u
+#define TAG_STAMP 0x04u
+#define STAMP_EVERY_32 0xC0u /* FIFO_CTRL4 */
+#define STAMP_SAMPLES 32.0
+#define NO_SLOT 4u
 #define WORD_BYTES 7u /* a tag and three values */
 
 static double temp_hz(const gc_tagged_fifo_t *fifo, const gc_sensor_t *imu) {
@@ -24,7 +28,7 @@ static bool gyro_alone(const gc_sensor_t *imu) {
 
 static double words_a_sample(const gc_tagged_fifo_t *fifo, const gc_sensor_t *imu) {
     const double acc_hz = gyro_alone(imu) ? fifo->acc_hz : imu->odr_hz;
-    return 1.0 + (acc_hz + temp_hz(fifo, imu)) / imu->odr_hz;
+    return 1.0 + 1.0 / STAMP_SAMPLES + (acc_hz + temp_hz(fifo, imu)) / imu->odr_hz;
 }
 
 int gc_tagged_fifo_restart(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu) {
@@ -33,7 +37,7 @@ int gc_tagged_fifo_restart(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu) {
     const uint8_t acc_code = gyro_alone(imu) ? fifo->acc_code : odr_code;
     const unsigned temp_code = temp_hz(fifo, imu) < fifo->temp_hz ? 2u : 3u;
     const uint8_t ctrl[] = {(uint8_t)(words & 0xFFu), (uint8_t)(words >> 8), (uint8_t)(odr_code << 4 | acc_code),
-                            (uint8_t)(temp_code << 4 | CONTINUOUS)};
+                            (uint8_t)(STAMP_EVERY_32 | temp_code << 4 | CONTINUOUS)};
     uint8_t kept[sizeof ctrl];
     int error = gc_sensor_write_reg(imu, FIFO_CTRL1 + 3, 0); /* bypass empties it */
     for (unsigned i = 0; i < sizeof ctrl && error == GC_OK; i++) {
@@ -48,6 +52,7 @@ int gc_tagged_fifo_restart(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu) {
     imu->fifo_broken = error != GC_OK;
     imu->partial_has = 0;
     imu->partial_slot = 0;
+    imu->whole_slot = NO_SLOT;
     imu->fresh_us = imu->port->now_us(imu->port->context);
     return error;
 }
@@ -60,16 +65,53 @@ static bool even_parity(uint8_t tag) {
     return ones % 2u == 0u;
 }
 
+/* Counts the samples that were lost since the stamp before, or learns how many ticks a sample takes. */
+static void count_lost(gc_stamps_t *stamps, uint32_t ticks, uint32_t came, gc_batch_t *batch) {
+    const double passed = stamps->ticks_a_sample > 0.0 ? (double)(ticks - stamps->ticks) / stamps->ticks_a_sample + 0.5 : came;
+    const uint32_t samples = passed < 4e9 ? (uint32_t)passed : came;
+    batch->lost_known = stamps->ticks_a_sample > 0.0;
+    if (samples > came) {
+        batch->lost += samples - came;
+        stamps->base_ticks = ticks;
+        stamps->base_samples = 0;
+        return;
+    }
+    stamps->base_samples += came;
+    if (stamps->base_samples > 0u) {
+        stamps->ticks_a_sample = (double)(ticks - stamps->base_ticks) / stamps->base_samples;
+    }
+}
+
+/* A stamp is of the sample in its time slot, which may be whole already. */
+static void take_stamp(gc_sensor_t *imu, uint8_t slot, const uint8_t *data, gc_batch_t *batch) {
+    gc_stamps_t *stamps = &imu->stamps;
+    const uint32_t ticks = (uint32_t)data[1] | (uint32_t)data[2] << 8 | (uint32_t)data[3] << 16 | (uint32_t)data[4] << 24;
+    const bool comes_next = slot != imu->whole_slot;
+    if (stamps->known) {
+        count_lost(stamps, ticks, (uint32_t)(stamps->since + (comes_next ? 1 : 0)), batch);
+    } else {
+        stamps->base_ticks = ticks;
+        stamps->base_samples = 0;
+    }
+    stamps->known = true;
+    stamps->ticks = ticks;
+    stamps->since = comes_next ? -1 : 0;
+}
+
 /* A sample is whole when gyroscope and accelerometer of one time slot are there, in whatever order; where the accelerometer's come more
    slowly, with the gyroscope's word. */
 static int take_word(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, const uint8_t *data, gc_batch_t *batch) {
     const unsigned tag = data[0] >> 3;
     const uint8_t slot = (uint8_t)(data[0] >> 1 & 3);
-    if ((fifo->has_parity && !even_parity(data[0])) || tag < TAG_GYRO || tag > TAG_TEMP) {
+    if ((fifo->has_parity && !even_parity(data[0])) || tag < TAG_GYRO || tag > TAG_STAMP) {
         return GC_E_FIFO_TAG;
     }
     if (tag == TAG_TEMP) {
         imu->partial.temp = gc_sensor_word(data[2], data[1]);
+        return GC_OK;
+    }
+    if (tag == TAG_STAMP) {
+        take_stamp(imu, slot, data, batch);
         return GC_OK;
     }
     if (slot != imu->partial_slot) {
@@ -83,6 +125,8 @@ static int take_word(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, const uint8
     if (gyro_alone(imu) ? tag == TAG_GYRO : imu->partial_has == (TAG_GYRO | TAG_ACC)) {
         imu->partial_has = 0;
         imu->partial.fresh = true;
+        imu->whole_slot = slot;
+        imu->stamps.since++;
         batch->sample[batch->n++] = imu->partial;
     }
     return GC_OK;
@@ -105,6 +149,13 @@ static int take_words(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, unsigned w
     return error;
 }
 
+/* Before the ticks of a sample are known, samples that are missing would be taken for none. */
+static void forget_stamps(gc_stamps_t *stamps) {
+    if (!(stamps->ticks_a_sample > 0.0)) {
+        stamps->known = false;
+    }
+}
+
 int gc_tagged_fifo_read(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, gc_batch_t *batch) {
     uint8_t status[2] = {0, 0};
     batch->gap = imu->fifo_broken;
@@ -122,6 +173,10 @@ int gc_tagged_fifo_read(const gc_tagged_fifo_t *fifo, gc_sensor_t *imu, gc_batch
     if (batch->overrun) {
         batch->gap = true;
         imu->partial_has = 0;
+        imu->whole_slot = NO_SLOT;
+    }
+    if (batch->gap) {
+        forget_stamps(&imu->stamps);
     }
     if (words == 0u) {
         return GC_OK;
