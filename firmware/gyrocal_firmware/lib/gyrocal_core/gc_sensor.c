@@ -296,6 +296,7 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch) {
     batch->left = 0;
     batch->overrun = false;
     batch->gap = false;
+    batch->stamps = 0;
     batch->lost_known = false;
     batch->lost = 0;
     int error = sensor->part->fifo_read(sensor, batch);

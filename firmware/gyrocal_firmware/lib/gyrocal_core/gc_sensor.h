@@ -35,7 +35,8 @@ typedef struct {
     unsigned left; /* samples still in there, within one */
     bool overrun;  /* it was full */
     bool gap;      /* samples are missing before the next one, because the FIFO was full or was started again */
-    bool lost_known; /* the part's own times tell how many did not come since they last told it: */
+    unsigned stamps; /* of the part's own time */
+    bool lost_known; /* they tell how many did not come since they last told it: */
     uint32_t lost;
     uint64_t t_us, until_us; /* time at which the level was read; the newest sample was taken within one period before it */
 } gc_batch_t;

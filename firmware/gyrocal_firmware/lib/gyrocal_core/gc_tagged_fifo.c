@@ -65,11 +65,12 @@ static bool even_parity(uint8_t tag) {
     return ones % 2u == 0u;
 }
 
-/* Counts the samples that were lost since the stamp before, or learns how many ticks a sample takes. */
+/* Counts the samples that were lost since the stamp before, or learns how many ticks a sample takes. What was lost before the first
+   stamp of a batch is known from that one alone. */
 static void count_lost(gc_stamps_t *stamps, uint32_t ticks, uint32_t came, gc_batch_t *batch) {
     const double passed = stamps->ticks_a_sample > 0.0 ? (double)(ticks - stamps->ticks) / stamps->ticks_a_sample + 0.5 : came;
     const uint32_t samples = passed < 4e9 ? (uint32_t)passed : came;
-    batch->lost_known = stamps->ticks_a_sample > 0.0;
+    batch->lost_known = batch->stamps == 0u ? stamps->ticks_a_sample > 0.0 : batch->lost_known;
     if (samples > came) {
         batch->lost += samples - came;
         stamps->base_ticks = ticks;
@@ -93,6 +94,7 @@ static void take_stamp(gc_sensor_t *imu, uint8_t slot, const uint8_t *data, gc_b
         stamps->base_ticks = ticks;
         stamps->base_samples = 0;
     }
+    batch->stamps++;
     stamps->known = true;
     stamps->ticks = ticks;
     stamps->since = comes_next ? -1 : 0;
