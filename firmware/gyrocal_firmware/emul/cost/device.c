@@ -3,5 +3,6 @@
 #include "eight_columns.h"
 
 #define CALIBRATION &eight_column_calibration
+#define NETWORK &gc_net
 #define STREAM "raw"
 #include "whole_device.h"

@@ -1,4 +1,4 @@
-/* One sample through the whole device, with CALIBRATION and STREAM. The bus and the board take no time. */
+/* One sample through the whole device, with CALIBRATION, NETWORK and STREAM. The bus and the board take no time. */
 #include "cost.h"
 #include "weights.h"
 
@@ -53,7 +53,7 @@ void cost_prepare(void) {
     static const gc_port_t port = {
         .bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us, .send = send};
     static const gc_device_config_t config = {
-        .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = CALIBRATION, .net = &gc_net};
+        .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = CALIBRATION, .net = NETWORK};
     reg[GC_LSM6DSO_WHO_AM_I] = GC_LSM6DSO_ID;
     reg[GC_LSM6DSO_STATUS] = 7;
     gc_device_init(&device, &config);
