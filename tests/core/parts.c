@@ -326,6 +326,23 @@ static bool heard(const char *text) {
     return strstr(said, text) != NULL;
 }
 
+/* The limits of each axis are told where they differ, and the readings before where the maker limits them. */
+static void check_self_test_told(const gc_part_t *part) {
+    static const int16_t at_rest[EMUL_WORDS] = {-768, 0, 0, 571, 0, 0, 16393};
+    static gc_device_t device;
+    const gc_device_config_t config = {.port = &port, .parts = gc_parts, .address = emul.kind->address};
+    power(1.0);
+    emul_feed(&emul, now, at_rest);
+    gc_device_init(&device, &config);
+    n_said = 0;
+    gc_device_receive(&device, "selftest\n", 9);
+    const bool is_st = part->address[0] == 0x6B, is_bosch = isnan(change_dps(part, 0));
+    CHECK(heard("$TST,") && heard(",passed=1,") && device.teller.lost == 0u);
+    CHECK(heard(",least_dps=150,most_dps=700*") == is_st && heard(",least_dps=,most_dps=*") == is_bosch);
+    CHECK(heard(",least_x_dps=") == (!is_st && !is_bosch) && heard(",most_x_dps=") == (part->id == 0x68));
+    CHECK(heard(",rest_x_dps=0,") == (!is_st && !is_bosch && part->id != 0x68 && part->id != 0xEA));
+}
+
 /* The device finds the part by its id, and takes the one that is set where the id is that of several. */
 static void check_found(const gc_part_t *part) {
     static gc_device_t device;
@@ -410,6 +427,7 @@ int main(void) {
         check_accelerometer_in_fifo(part);
         check_stamps(part);
         check_self_test(part);
+        check_self_test_told(part);
         check_found(part);
         check_exchanged(part, kind);
     }
