@@ -8,6 +8,7 @@
  *                  STMicroelectronics/lsm6ds3tr-c-pid, lsm6ds3tr-c_reg.h, 39233342
  *     low-pass     LPF1 and FTYPE, STMicroelectronics/lsm6dso-pid, lsm6dso_reg.h, 163f39a5, lsm6dso_ftype_t; the LSM6DS3TR-C has
  *                  two bits of it: lsm6ds3tr-c_reg.h, lsm6ds3tr_c_lpf1_sel_g_t; the LSM6DS3 has no LPF1
+ *     time stamps  TIMESTAMP_EN, their tag and how many are stored: the same lsm6dso_reg.h
  *     self-test    AN5192, section 8: 208 Hz and 2000 dps, 150 to 700 dps by the datasheets of all of them
  *     LSM6DS3      id, likewise, and 16 counts a degree: STMicroelectronics/lsm6ds3-pid, lsm6ds3_reg.c, 13df2967
  */

@@ -6,7 +6,7 @@
 
 #define LONGEST_SAMPLE_US 200000u /* between two samples */
 #define LOOK_US 200u
-/* InvenSense's limits: Icm426xxSelfTest.c (gc_icm42688.h) and inv_mpu.c, gyro_6500_self_test (gc_mpu6050.h). */
+/* InvenSense's limits, by the sources that the headers of its drivers name. */
 #define CODE_1_DPS 20.0 /* the change at the factory that code 1 stands for */
 #define CODE_STEP 1.01  /* between two codes */
 #define LEAST_SHARE 0.5

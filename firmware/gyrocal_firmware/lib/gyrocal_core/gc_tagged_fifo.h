@@ -1,6 +1,5 @@
 /* The FIFO of ST's newer parts. It stores words, each a tag and three values; the tag says whose values they are and in which time slot
-   they were taken. Datasheet DS12140, section 9.65 and application note AN5192, section 9. Stamps of the part's time: TIMESTAMP_EN, decimation and tag,
-   STMicroelectronics/lsm6dso-pid, lsm6dso_reg.h, 163f39a5. */
+   they were taken. Datasheet DS12140, section 9.65 and application note AN5192, section 9. */
 #ifndef GC_TAGGED_FIFO_H
 #define GC_TAGGED_FIFO_H
 
