@@ -19,6 +19,7 @@ from gyrocal_firmware import CORE, INCLUDE, SIM
 
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- timing: python benchmarks/timing.py docs/cpus.md -->\n", "<!-- end of timing -->\n"
+BEYOND = "\nBeyond the wire, at `device_baseline`, with the gyroscope alone in the FIFO:\n\n"
 BUS_HZ = 400_000
 CYCLES = 2.0
 """Cycles that an instruction is assumed to take; the parts' data give 1 to 2."""
@@ -55,6 +56,7 @@ class Part:
     depth: int
     check: int
     set_up: int
+    gyro_alone: int
 
 
 def parts() -> list[Part]:
@@ -68,10 +70,10 @@ def parts() -> list[Part]:
     return [Part(name, *map(int, numbers)) for name, *numbers in map(str.split, lines)]
 
 
-def instructions(cpu: str) -> tuple[int, int]:
+def instructions(cpu: str, row_of: str = "device") -> tuple[int, int]:
     """The mean and the largest number for one sample through the whole device."""
     page = (ROOT / "docs" / "cpus.md").read_text(encoding="utf-8")
-    row = re.search(rf"^\| device \| {cpu} \| ([\d ]+) \| ([\d ]+) \|", page, re.MULTILINE)
+    row = re.search(rf"^\| {row_of} \| {cpu} \| ([\d ]+) \| ([\d ]+) \|", page, re.MULTILINE)
     assert row is not None, cpu
     return int(row[1].replace(" ", "")), int(row[2].replace(" ", ""))
 
@@ -93,9 +95,26 @@ def fastest_hz(part: Part, board: Board) -> tuple[float, float, float]:
     return single, min(flow, part.depth / slice_s), min(flow, part.depth / (slice_s + ERASE_S))
 
 
-def table() -> str:
+def beyond_the_wire_hz(part: Part, board: Board) -> float:
+    """The fastest rate of the gyroscope alone in the FIFO, without stream and model."""
+    mean, largest = instructions(board.cpu, "device_baseline")
+    second = CYCLES / board.clock_hz
+    return min(1 / (part.gyro_alone / BUS_HZ + mean * second), part.depth / (largest * second))
+
+
+def beyond_the_wire(counted: list[Part]) -> str:
+    """The lines of the table of rates that the wire does not carry."""
+    heads = ["sensor", "bits a sample", *(board.name for board in BOARDS)]
+    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    for part in counted:
+        if part.gyro_alone:
+            cells = [f"{beyond_the_wire_hz(part, board):.0f}" for board in BOARDS]
+            lines.append("| " + " | ".join([part.name, str(part.gyro_alone), *cells]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def table(counted: list[Part]) -> str:
     """The table's lines, one for each part."""
-    counted = parts()
     heads = ["sensor", "bits a sample", "in a batch", "FIFO, samples", "set-up, ms", *(f"{board.name}" for board in BOARDS)]
     lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
     for part in counted:
@@ -109,7 +128,8 @@ def table() -> str:
 
 
 def main() -> None:
-    text = table()
+    counted = parts()
+    text = table(counted) + BEYOND + beyond_the_wire(counted)
     if len(sys.argv) == 1:
         print(text, end="")
         return

@@ -117,6 +117,7 @@ def test_answers_of_devices_hold_to_their_schema(session: str, capsys: pytest.Ca
     ("tag", "fields"),
     [
         ("TST", {"passed": 1, "x_dps": 400.5, "y_dps": None, "z_dps": 400, "least_dps": 150, "most_dps": 700}),
+        ("TST", {"passed": 0, "x_dps": 1, "least_x_dps": 44.1, "most_dps": None, "rest_x_dps": 0.5, "rest_most_dps": 20}),
         ("ERR", {"code": -23, "name": "recording", "advice": "a_run_is_going_on:_send_stop_first"}),
         ("HEL", {"proto": 1, "fw": "0.2.0", "sensor": "LSM6DSO", "cal": None, "net": "paper"}),
         ("ACK", {"cmd": "set", "table_dps": "none"}),

@@ -38,6 +38,8 @@ class Hello(Sent, total=False):
     lsb_c: Number
     zero_c: Number
     noise_dps: Number
+    accel_g: Number
+    low_pass: int
     axis: str
     table_dps: Number
     turn_deg: Number
@@ -137,6 +139,16 @@ class SelfTest(Sent, total=False):
     z_dps: Number
     least_dps: Number
     most_dps: Number
+    least_x_dps: Number
+    least_y_dps: Number
+    least_z_dps: Number
+    most_x_dps: Number
+    most_y_dps: Number
+    most_z_dps: Number
+    rest_x_dps: Number
+    rest_y_dps: Number
+    rest_z_dps: Number
+    rest_most_dps: Number
 
 
 class Taken(Sent, total=False):

@@ -184,13 +184,17 @@ static bool set_fault(const char *name, bool on) {
         const char *name;
         bool *flag;
     } const flags[] = {{"nack", &chip.nack},   {"short", &short_reads},         {"wrong_id", &chip.wrong_id},
-                       {"bad_tags", &chip.bad_tags}, {"stuck_mass", &chip.stuck_mass},
+                       {"bad_tags", &chip.bad_tags},
                        {"stale", &chip.stale}, {"stuck_bit", &chip.stuck_bit}, {"stuck_reset", &chip.stuck_reset}};
     for (size_t i = 0; i < sizeof flags / sizeof flags[0]; i++) {
         if (strcmp(name, flags[i].name) == 0) {
             *flags[i].flag = on;
             return true;
         }
+    }
+    if (strcmp(name, "stuck_mass") == 0) {
+        chip.stuck_axes = on ? EMUL_ALL_AXES : 0u;
+        return true;
     }
     if (strcmp(name, "brownout") == 0) {
         emul_lsm6dso_brown_out(&chip);

@@ -128,6 +128,13 @@ def test_every_command_is_answered_once(bench: Path) -> None:
         "set turn_deg 0": "set",
         "set full_scale_dps 2000": "set",
         "set full_scale_dps 333": "bad_argument",
+        "set accel_g 16": "set",
+        "set accel_g 5": "bad_argument",
+        "set accel_g 0": "set",
+        "set low_pass 8": "set",
+        "set low_pass 9": "bad_argument",
+        "set low_pass 1.5": "bad_argument",
+        "set low_pass 0": "set",
         "set axis x please": "bad_argument",
         "get rate_hz": "get",
         "get": "bad_argument",
@@ -151,17 +158,42 @@ def test_every_command_is_answered_once(bench: Path) -> None:
 
 def test_settings_are_told_and_kept_over_power_off(bench: Path) -> None:
     change = "> set rate_hz 104\n> set full_scale_dps 1000\n> set axis x\n> set table_dps -30.5\n> set turn_deg 360\n"
-    ask = "".join(f"> get {name}\n" for name in ("rate_hz", "full_scale_dps", "axis", "table_dps", "turn_deg"))
+    change += "> set accel_g 8\n> set low_pass 3\n"
+    names = ("rate_hz", "full_scale_dps", "axis", "table_dps", "turn_deg", "accel_g", "low_pass")
+    ask = "".join(f"> get {name}\n" for name in names)
     text = run(bench, f"power\n{change}power\n{ask}")
     said = [s for s in sentences(text, "ACK") if s["cmd"] == "get"]
     got = {name: value for s in said for name, value in s.items() if name != "cmd"}
-    assert got == {"rate_hz": "104", "full_scale_dps": "1000", "axis": "x", "table_dps": "-30.5", "turn_deg": "360"}
+    assert list(got) == list(names)
+    assert list(got.values()) == ["104", "1000", "x", "-30.5", "360", "8", "3"]
     first, second = sentences(text, "HEL")
     assert (first["rate_hz"], first["odr_hz"], first["lsb_dps"], first["table_dps"]) == ("145", "416", "0.00875", "78")
     assert (second["rate_hz"], second["odr_hz"], second["lsb_dps"], second["axis"]) == ("104", "104", "0.035", "x")
+    assert (first["accel_g"], first["low_pass"], first["lsb_g"]) == ("0", "0", "6.1e-05")
+    assert (second["accel_g"], second["low_pass"], second["lsb_g"]) == ("8", "3", "0.000244")
 
     text = run(bench, f"power\nstore fails\n{change}")
-    assert errors(text) == ["store_failed"] * 5
+    assert errors(text) == ["store_failed"] * 7
+
+
+@pytest.mark.parametrize("fifo", ["", "> set rate_hz 104\n> set fifo 16\n"])
+def test_gravity_is_seen_at_each_range_of_the_accelerometer(bench: Path, fifo: str) -> None:
+    """One g along z is 16393 counts at 2 g."""
+    script = f"world 0 0 0 0 0 0 16393\nnoise 5\npower\n{fifo}> stream raw\n"
+    for accel_g in (2, 4, 8, 16):
+        text = run(bench, f"{script}> set accel_g {accel_g}\nrun 1\n> status\n")
+        counts = [int(s["6"]) for s in sentences(text, "RAW")][-20:]
+        assert np.mean(counts) == pytest.approx(16393 * 2 / accel_g, abs=3)
+        assert sentences(text, "STA")[-1]["gravity"] == "up"
+        assert not errors(text)
+
+
+@pytest.mark.parametrize("fifo", ["", "> set rate_hz 104\n> set fifo 16\n"])
+def test_sampling_goes_on_behind_another_low_pass(bench: Path, fifo: str) -> None:
+    text = run(bench, f"{STILL}noise 5\npower\n{fifo}> set low_pass 8\nrun 1\n> set low_pass 0\nrun 1\n> status\n")
+    assert not errors(text)
+    status = sentences(text, "STA")[-1]
+    assert (status["resets"], status["missed"], status["stale"]) == ("0", "0", "0")
 
 
 @pytest.mark.parametrize("rate_hz", ["145", "104", "208", "400", "12.5"])

@@ -11,7 +11,7 @@ from .test_device import DOWN, UP, errors
 FIFO = "> set rate_hz 104\n> set fifo 16\n"
 ROOT_HZ = 6667.0  # application note AN5192: 104 Hz stands for this / 64, and so on
 PERIOD_US = 64e6 / ROOT_HZ
-HOLDS_S = 512 / (2 * ROOT_HZ / 64 + ROOT_HZ / 128)  # gyroscope, accelerometer and temperature words
+HOLDS_S = 512 / (2 * ROOT_HZ / 64 + ROOT_HZ / 128 + ROOT_HZ / 64 / 32)  # words: gyroscope, accelerometer, temperature, time
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +43,45 @@ def test_every_sample_comes_once_at_its_time(bench: Path, rate_hz: str) -> None:
     assert {s["6"] for s in sentences(text, "RAW")} == {"16393"}
     assert not errors(text)
     assert (status(text, "missed"), status(text, "overruns"), status(text, "stale")) == (0, 0, 0)
+
+
+FASTEST = "> set rate_hz 833\n> set fifo 64\n> set rate_hz 3333\n"
+
+
+def test_a_rate_that_the_wire_does_not_carry_is_measured_and_its_stream_refused(bench: Path) -> None:
+    """63 bits a sample, of which the bus of 400 kHz carries 3333 a second. The estimates are from all."""
+    pair = f"> start up\nrun 2.5\n> stop\n{DOWN}> start down\nrun 2.5\n> stop\n> stream raw\n> status\n"
+    text = run(bench, f"{UP}noise 50\npower\n{FASTEST}{pair}")
+    assert set(errors(text)) == {"net_sample_rate", "stream_rate"}
+    assert not sentences(text, "RAW")
+    assert (status(text, "missed"), status(text, "overruns"), status(text, "stale")) == (0, 0, 0)
+    for end in [s for s in sentences(text, "RUN") if s["state"] == "end"]:
+        assert int(end["n"]) == pytest.approx(2.5 * ROOT_HZ / 2, abs=64)
+        assert (int(end["n"]) - 1) / end.number("duration_s") == pytest.approx(ROOT_HZ / 2, rel=1e-4)
+    answer = sentences(text, "CAL")[-1]
+    scale = (8950 + 8960) * 0.00875 / 2 / 78 - 1
+    assert answer.number("scale") == pytest.approx(scale, abs=5 * answer.number("scale_se"))
+    assert 0.0 < answer.number("scale_se") < 1e-3
+
+
+def test_the_accelerometer_follows_at_3333_hz(bench: Path) -> None:
+    """It is stored at 104 Hz."""
+    turned = "world 0 0 0 0 0 0 -16393\n"
+    text = run(bench, f"world 0 0 0 0 0 0 16393\nnoise 5\npower\n{FASTEST}run 1\n> status\n{turned}run 1\n> status\n")
+    assert [s["gravity"] for s in sentences(text, "STA")] == ["up", "down"]
+
+
+def test_a_stream_ends_before_the_rate_goes_beyond_the_wire(bench: Path) -> None:
+    slow = "> set rate_hz 833\n> set fifo 64\n> stream raw\n"
+    text = run(bench, f"{UP}power\n{slow}> set rate_hz 3333\n> get rate_hz\n> stream off\n> set rate_hz 3333\n> get rate_hz\n")
+    assert errors(text) == ["stream_rate"]
+    assert [s["rate_hz"] for s in sentences(text, "ACK") if s["cmd"] == "get"] == ["833", "3333"]
+
+
+def test_a_low_pass_that_the_rate_lacks_is_refused(bench: Path) -> None:
+    """The strong ones end at 1667 Hz."""
+    text = run(bench, f"{UP}power\n> set low_pass 8\n{FASTEST}> set low_pass 4\n> set rate_hz 3333\n> set low_pass 5\n")
+    assert errors(text) == ["bad_argument"] * 2
 
 
 def test_temperature_comes_with_the_samples(bench: Path) -> None:
@@ -115,6 +154,29 @@ def test_an_overrun_is_told_counted_and_shows_in_the_times(bench: Path) -> None:
     assert status(text, "missed") == round(np.diff(t_us)[gap] / PERIOD_US) - 1
     assert len(t_us) + status(text, "missed") == pytest.approx((t_us[-1] - t_us[0]) / PERIOD_US + 1, abs=1)
     assert sentences(text, "RUN")[1]["missed"] == str(status(text, "missed"))
+
+
+@pytest.mark.parametrize("clock", [0.97, 1.0, 1.03])
+@pytest.mark.parametrize(
+    ("settings", "true_hz", "before_s", "busy_s"),
+    [
+        (FIFO, ROOT_HZ / 64, 2, 5.005),
+        ("> set rate_hz 12.5\n> set fifo 3\n", ROOT_HZ / 512, 9, 20.01),
+        (FASTEST, ROOT_HZ / 2, 1, 0.5),
+    ],
+)
+def test_the_sensors_own_time_counts_what_an_overrun_lost(
+    bench: Path, clock: float, settings: str, true_hz: float, before_s: float, busy_s: float
+) -> None:
+    """Its stamps count by its own clock, which is off the nominal rate: 12.5 stands for 13.02 Hz."""
+    busy = f"> start up\nrun {before_s}\nbusy {busy_s}\nrun 1\n> stop\n> status\n"
+    text = run(bench, f"clock {clock}\n{UP}power\n{settings}{busy}")
+    end = sentences(text, "RUN")[1]
+    assert "fifo_overrun" in errors(text)
+    assert end["missed"] == str(status(text, "missed"))
+    assert int(end["missed"]) > 30
+    periods = int(end["n"]) - 1 + int(end["missed"])
+    assert periods == pytest.approx(end.number("duration_s") * true_hz * clock, abs=0.6)
 
 
 @pytest.mark.parametrize(("fault", "name"), [("nack", "bus_nack"), ("short", "bus_short")])

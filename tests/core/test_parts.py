@@ -18,6 +18,10 @@ def test_drivers_against_the_emulated_parts(build: Build) -> None:
     run(build(HERE / "parts.c"), "")
 
 
+def test_the_emulated_parts_are_strict(build: Build) -> None:
+    run(build(HERE / "parts_strict.c"), "")
+
+
 def test_the_list_is_whole() -> None:
     assert len(NAMES) == 15
     assert {"LSM6DSO", "MPU-6050", "ICM-42688-P", "ICM-20948", "BMI270", "BMI088", "LSM6DSV"} < set(NAMES)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.device.doctor import Check, Doctor, Heard, _clock
+from gyrocal.device.doctor import Check, Doctor, Heard, _clock, _noise
 from gyrocal.device.find import find_port
+from gyrocal.device.monitor import self_test_words
 from gyrocal.device.port import Link
 from gyrocal.device.simulated import SimulatedDevice, simulated_scenario
 from gyrocal.device.wire import Sentence
@@ -84,10 +85,51 @@ def test_the_clocks_are_compared_as_far_as_this_computer_can(jumps_s: float, bus
     assert _clock(0, heard).ok is ok
 
 
-def test_a_sensor_without_a_self_test_is_no_fault(scenario: Session) -> None:
-    found = examine(scenario, restart=False, part="ICM-42688-P")
-    assert found["self-test"].ok is None
+@pytest.mark.parametrize(("low_pass", "sd_counts", "ok"), [("0", 5, True), ("0", 1, False), ("8", 1, True), ("8", 20, False)])
+def test_less_noise_than_usual_is_what_a_low_pass_is_for(low_pass: str, sd_counts: float, ok: bool) -> None:
+    rng = np.random.default_rng(0)
+    heard = Heard(hello={"lsb_dps": "0.00875", "noise_dps": "0.0448", "rate_hz": "145", "low_pass": low_pass})
+    for n in range(290):
+        counts = ",".join(str(round(sd_counts * x)) for x in rng.normal(size=3))
+        heard.raw.append(Sentence("RAW", n, 6897 * n, 0, f"{n},{counts},0,0,16393,0"))
+    assert _noise(0, heard).ok is ok
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (
+            "ICM-42688-P",
+            "it moved x 92, y 88, z 97 dps, the maker wants x 44 or more, y 42 or more, z 46 or more; "
+            "at rest x 0.0, y 0.0, z 0.0 dps, at most 20",
+        ),
+        ("MPU-6050", "it moved x 43, y -54, z 38 dps, the maker wants x 35 to 47, y 44 to 59, z 31 to 41"),
+        ("BMI270", "passed"),
+    ],
+)
+def test_the_self_test_of_other_makers(scenario: Session, part: str, said: str) -> None:
+    found = examine(scenario, restart=False, part=part)
+    assert found["self-test"].ok is True
+    assert said in found["self-test"].found
     assert wrong(found) == set()
+
+
+def test_a_missing_code_of_the_factory_is_told() -> None:
+    limits: dict[str, object] = {f"least_{axis}_dps": None if axis == "y" else 40.0 for axis in "xyz"}
+    words = self_test_words({"passed": 0, "x_dps": 80, "y_dps": 80, "z_dps": 80, **limits, "most_dps": None})
+    assert words.startswith("failed: it moved x 80, y 80, z 80 dps, the maker wants x 40 or more, y a code of the factory,")
+
+
+def test_a_sensor_without_a_self_test_is_no_fault() -> None:
+    """A part of one's own, for example."""
+
+    class WithoutOne:
+        def command(self, words: str) -> None:
+            raise DeviceError(f"{words} refused: this sensor has no self-test that the firmware knows")
+
+    (check,) = Doctor(WithoutOne())._self_test()  # type: ignore[arg-type]
+    assert check.ok is None
+    assert check.found == "this sensor has no self-test that the firmware knows"
 
 
 def test_the_setting_is_as_before(scenario: Session) -> None:

@@ -107,6 +107,7 @@ static const char *const words[] = {
     "set fifo 16", "set fifo 0", "set fifo 999",
     "set axis q", "set table_dps none", "set table_dps -78", "set table_dps 0", "set turn_deg 360", "set turn_deg 0",
     "set full_scale_dps 2000", "set full_scale_dps 3", "get axis", "get table_dps", "get", "stream corrected", "dump", "undo",
+    "set accel_g 8", "set accel_g 5", "set low_pass 2", "set low_pass 9",
     "selftest", "reboot", "set sensor auto", "wifi", "wifi name my net", "wifi password  a b c d e f", "wifi token m5Qb0Xw2r_K7-tYz",
     "wifi on", "wifi off", "wifi forget", "wifi token", "wifi x", "wifi name ", "x x x x x x", "", "\xff", "\xff\xff",
 };

@@ -17,6 +17,7 @@
         c->stale = faults->stale;                                                                                        \
         c->stuck_bit = faults->stuck_bit;                                                                                \
         c->stuck_reset = faults->stuck_reset;                                                                            \
+        c->stuck_axes = faults->stuck_axes;                                                                              \
         SET_REST_OF_##part(c, faults);                                                                                   \
     }                                                                                                                    \
     static void part##_power_on(void *chip, uint8_t id, bool is_32, double clock, uint64_t now_us, double full_scale) {  \
@@ -49,17 +50,20 @@
     static int part##_read(void *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n) {                          \
         return emul_##part##_read(chip, now_us, reg, data, n);                                                           \
     }                                                                                                                    \
+    static int part##_low_pass(const void *chip) {                                                                       \
+        return emul_##part##_low_pass(chip);                                                                             \
+    }                                                                                                                    \
     static const emul_family_t part = {part##_power_on, part##_brown_out, part##_set_faults, part##_set_fed_only,        \
                                        part##_set_world, part##_feed, part##_batches, part##_int1, part##_tick_us,       \
-                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for}
+                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass}
 
-#define SET_REST_OF_lsm6dso(c, faults) ((c)->bad_tags = (faults)->bad_tags, (c)->stuck_mass = (faults)->stuck_mass)
-#define SET_REST_OF_lsm6dsv(c, faults) ((c)->bad_tags = (faults)->bad_tags, (c)->stuck_mass = (faults)->stuck_mass)
-#define SET_REST_OF_bmi088(c, faults) (c)->stuck_mass = (faults)->stuck_mass
-#define SET_REST_OF_bmi270(c, faults) (void)(faults)->bad_tags
-#define SET_REST_OF_mpu6050(c, faults) (void)(faults)->bad_tags
-#define SET_REST_OF_icm42688(c, faults) (void)(faults)->bad_tags
-#define SET_REST_OF_icm20948(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_lsm6dso(c, faults) (c)->bad_tags = (faults)->bad_tags
+#define SET_REST_OF_lsm6dsv SET_REST_OF_lsm6dso
+#define SET_REST_OF_bmi088(c, faults) (void)(faults)->bad_tags
+#define SET_REST_OF_bmi270 SET_REST_OF_bmi088
+#define SET_REST_OF_mpu6050(c, faults) (c)->no_code = (faults)->no_code
+#define SET_REST_OF_icm42688 SET_REST_OF_mpu6050
+#define SET_REST_OF_icm20948 SET_REST_OF_mpu6050
 #define SET_KIND_OF_lsm6dso(c, the_id, the_32) ((c)->id = (the_id), (c)->is_32 = (the_32))
 #define SET_KIND_OF_mpu6050(c, the_id, the_32) ((c)->id = (the_id), (void)(the_32))
 #define SET_KIND_OF_icm42688(c, the_id, the_32) ((void)(the_id), (void)(the_32))
@@ -160,6 +164,10 @@ int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8
 
 const uint8_t *emul_part_file(const char *part, size_t *n) {
     return strcmp(part, "BMI270") == 0 ? emul_bmi270_file(n) : NULL;
+}
+
+int emul_low_pass(const emul_t *emul) {
+    return emul->kind->family->low_pass(&emul->chip);
 }
 
 double emul_clock_for(const emul_t *emul, double rate_hz) {

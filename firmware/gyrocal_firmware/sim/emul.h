@@ -13,7 +13,8 @@
 
 typedef struct {
     bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
-    bool stuck_mass; /* the self-test moves nothing */
+    bool no_code; /* the factory's codes of the self-test are missing */
+    uint8_t stuck_axes; /* of which the self-test moves nothing, a bit each */
 } emul_faults_t;
 
 /* The functions of a family of parts. */
@@ -31,6 +32,7 @@ typedef struct {
     int (*write)(void *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
     int (*read)(void *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
     double (*clock_for)(double rate_hz);
+    int (*low_pass)(const void *chip);
 } emul_family_t;
 
 typedef struct {
@@ -81,6 +83,8 @@ int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, cons
 int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
 /* The file that an emulated part wants at its start, for gc_port_t; NULL if it wants none. */
 const uint8_t *emul_part_file(const char *part, size_t *n);
+/* Returns the gyroscope's low-pass that its registers choose, as the maker numbers it; -1 = one that the part does not have. */
+int emul_low_pass(const emul_t *emul);
 double emul_clock_for(const emul_t *emul, double rate_hz);
 
 #endif

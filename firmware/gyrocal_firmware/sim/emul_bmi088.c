@@ -125,6 +125,11 @@ static void sample(emul_bmi088_t *chip, uint64_t now_us) {
     push(chip);
 }
 
+/* The code of rate and filter together. */
+int emul_bmi088_low_pass(const emul_bmi088_t *chip) {
+    return chip->reg[BANDWIDTH] & 7u;
+}
+
 void emul_bmi088_advance(emul_bmi088_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
     chip->now_us = now_us;
@@ -223,7 +228,7 @@ static uint8_t read_one(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, const
     case FIFO_DATA:
         return fifo_byte(chip);
     case SELF_TEST:
-        return (uint8_t)(chip->test_us == 0 || now_us < chip->test_us ? 0 : chip->stuck_mass ? 0x06 : 0x12);
+        return (uint8_t)(chip->test_us == 0 || now_us < chip->test_us ? 0 : chip->stuck_axes != 0 ? 0x06 : 0x12);
     case TEMP_MSB:
         return (uint8_t)(((uint16_t)shown[0] & 0x7FFu) >> 3);
     case TEMP_LSB:

@@ -29,7 +29,8 @@ typedef struct {
     double tick_us;        /* next sample by its own clock */
     double clock;          /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset, stuck_mass; /* misbehaviour */
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
 } emul_bmi088_t;
 
 double emul_bmi088_clock_for(double rate_hz);
@@ -39,6 +40,8 @@ void emul_bmi088_feed(emul_bmi088_t *chip, uint64_t now_us, const int16_t world[
 bool emul_bmi088_batches(const emul_bmi088_t *chip);
 /* Returns the level of the pin INT3. */
 bool emul_bmi088_int1(const emul_bmi088_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_bmi088_low_pass(const emul_bmi088_t *chip);
 void emul_bmi088_advance(emul_bmi088_t *chip, uint64_t now_us);
 int emul_bmi088_write(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_bmi088_read(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -14,6 +14,9 @@ enum {
     FIFO_LENGTH_0 = 0x24,
     FIFO_LENGTH_1 = 0x25,
     FIFO_DATA = 0x26,
+    FEAT_PAGE = 0x2F,
+    G_TRIG_1 = 0x32,        /* page 1 */
+    GYR_GAIN_STATUS = 0x38, /* page 0 */
     ACC_CONF = 0x40,
     ACC_RANGE = 0x41,
     GYR_CONF = 0x42,
@@ -28,6 +31,8 @@ enum {
     INIT_ADDR_0 = 0x5B,
     INIT_ADDR_1 = 0x5C,
     INIT_DATA = 0x5E,
+    GYR_CRT_CONF = 0x69,
+    GYR_SELF_TEST_AXES = 0x6E,
     PWR_CONF = 0x7C,
     PWR_CTRL = 0x7D,
     CMD = 0x7E,
@@ -43,6 +48,11 @@ enum {
 #define DEAF_US 450u
 #define LOAD_US 20000u
 #define GYRO_US 45000u
+#define TEST_US 300000u
+#define GYRO_OFF_US 1000u
+#define RUNNING 0x04u
+#define ALL_RIGHT 0x0Fu /* done, and each axis */
+#define NOT_PREPARED (1u << 3) /* of GYR_GAIN_STATUS */
 
 static const double odr_hz[16] = {0, 0.78125, 1.5625, 3.125, 6.25, 12.5, 25, 50, 100, 200, 400, 800, 1600, 3200, 0, 0};
 
@@ -70,6 +80,11 @@ static void defaults(emul_bmi270_t *chip) {
     chip->fifo_n = chip->fifo_byte = 0;
     chip->loaded_us = 0;
     chip->gyro_us = UINT64_MAX;
+    chip->gyro_off_us = 0;
+    chip->trigger[0] = 0;
+    chip->trigger[1] = 0;
+    chip->test_us = 0;
+    chip->test_status = 0;
 }
 
 double emul_bmi270_clock_for(double rate_hz) {
@@ -160,8 +175,24 @@ static void sample(emul_bmi270_t *chip, uint64_t now_us) {
     }
 }
 
+static void finish_test(emul_bmi270_t *chip, uint64_t now_us) {
+    if (chip->test_us == 0 || now_us < chip->test_us) {
+        return;
+    }
+    chip->test_us = 0;
+    chip->reg[GYR_CRT_CONF] &= (uint8_t)~RUNNING;
+    chip->reg[GYR_SELF_TEST_AXES] = chip->test_status != 0 ? 0 : (uint8_t)(ALL_RIGHT & ~((unsigned)chip->stuck_axes << 1));
+}
+
+/* 0 normal, 1 oversampled by two, 2 by four; 3 is reserved. */
+int emul_bmi270_low_pass(const emul_bmi270_t *chip) {
+    const int mode = chip->reg[GYR_CONF] >> 4 & 3;
+    return mode == 3 ? -1 : 2 - mode;
+}
+
 void emul_bmi270_advance(emul_bmi270_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
+    finish_test(chip, now_us);
     while (period > 0.0 && (double)now_us >= chip->tick_us && !chip->fed_only) {
         sample(chip, (uint64_t)chip->tick_us);
         chip->tick_us += period;
@@ -189,8 +220,8 @@ bool emul_bmi270_int1(const emul_bmi270_t *chip) {
 /* ---- registers ---- */
 
 static bool writable(uint8_t reg) {
-    return (reg >= ACC_CONF && reg <= FIFO_CONFIG_1) || (reg >= INT1_IO_CTRL && reg <= INIT_ADDR_1) || (reg >= 0x68 && reg <= 0x77) ||
-           reg == PWR_CONF || reg == PWR_CTRL;
+    return (reg >= ACC_CONF && reg <= FIFO_CONFIG_1) || (reg >= INT1_IO_CTRL && reg <= INIT_ADDR_1) || (reg >= 0x68 && reg <= 0x77 && reg != GYR_SELF_TEST_AXES) ||
+           reg == FEAT_PAGE || reg == PWR_CONF || reg == PWR_CTRL;
 }
 
 /* Loading begins with a 0 and ends with a 1, out of the saving mode. */
@@ -212,6 +243,22 @@ static void write_file(emul_bmi270_t *chip, const uint8_t *data, size_t n) {
     }
 }
 
+/* The part wants the gyroscope off, the accelerometer on, no FIFO, and the test chosen and announced. */
+static void begin_test(emul_bmi270_t *chip, uint64_t now_us) {
+    const bool chosen = chip->trigger[0] == 0 && (chip->trigger[1] & 3u) == 0 && (chip->reg[GYR_CRT_CONF] & RUNNING) != 0;
+    const bool off = !gyro_on(chip) && now_us >= chip->gyro_off_us && (chip->reg[FIFO_CONFIG_1] & 0xE0u) == 0;
+    const bool prepared = chosen && off && loaded(chip, now_us) && (chip->reg[PWR_CTRL] & 4u) != 0;
+    chip->test_us = now_us + (prepared ? TEST_US : 0);
+    chip->test_status = prepared ? 0 : NOT_PREPARED;
+}
+
+/* Pages are written by words. */
+static void write_feature(emul_bmi270_t *chip, uint8_t reg, const uint8_t *data, size_t n) {
+    if (chip->reg[FEAT_PAGE] == 1 && reg == G_TRIG_1 && n == 2) {
+        memcpy(chip->trigger, data, n);
+    }
+}
+
 static void write_one(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, uint8_t value) {
     const bool gyro_was_on = gyro_on(chip);
     if (reg == CMD && value == 0xB6) {
@@ -219,6 +266,8 @@ static void write_one(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, uint8_t
         chip->reset_us = chip->stuck_reset ? UINT64_MAX : now_us + RESET_US;
     } else if (reg == CMD && value == 0xB0) {
         chip->fifo_n = chip->fifo_byte = 0;
+    } else if (reg == CMD && value == 0x02) {
+        begin_test(chip, now_us);
     } else if (reg == INIT_CTRL) {
         write_init(chip, now_us, value);
     } else if (writable(reg)) {
@@ -230,6 +279,9 @@ static void write_one(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, uint8_t
     }
     if (gyro_on(chip) && !gyro_was_on) {
         chip->gyro_us = now_us + GYRO_US;
+    }
+    if (!gyro_on(chip) && gyro_was_on) {
+        chip->gyro_off_us = now_us + GYRO_OFF_US;
     }
     if (reg == PWR_CTRL || reg == GYR_CONF) {
         chip->tick_us = (double)now_us + period_us(chip);
@@ -262,6 +314,9 @@ static uint8_t read_one(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, const
     if (reg == INTERNAL_STATUS) {
         return chip->loaded_us == 0 ? ((chip->reg[INIT_CTRL] & 1u) != 0 ? 2 : 0) : loaded(chip, now_us) ? 1 : 0;
     }
+    if (reg == GYR_GAIN_STATUS) {
+        return chip->reg[FEAT_PAGE] == 0 ? chip->test_status : 0;
+    }
     if (reg == TEMP_FIRST || reg == TEMP_FIRST + 1) {
         return (uint8_t)(reg == TEMP_FIRST ? (uint16_t)shown[0] & 0xFF : (uint16_t)shown[0] >> 8);
     }
@@ -291,6 +346,10 @@ int emul_bmi270_write(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, const u
         return (int)n;
     }
     chip->deaf_us = (chip->reg[PWR_CONF] & 1u) != 0 && n > 0 ? now_us + DEAF_US : 0;
+    if (reg >= FEAT_PAGE + 1 && reg < ACC_CONF) {
+        write_feature(chip, reg, data, n);
+        return (int)n;
+    }
     if (reg == INIT_DATA) {
         write_file(chip, data, n);
         return (int)n;

@@ -27,10 +27,15 @@ typedef struct {
     uint64_t deaf_us;    /* nothing is written before */
     uint64_t loaded_us;  /* the file works from then on; 0 = none was accepted */
     uint64_t gyro_us;    /* the gyroscope reads 0 before */
+    uint8_t trigger[2];  /* the word of page 1 that chooses what a trigger begins */
+    uint8_t test_status; /* why it was not begun */
+    uint64_t gyro_off_us; /* the gyroscope is at rest from then on */
+    uint64_t test_us;    /* the self-test goes on until then; 0 = none was begun */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
 } emul_bmi270_t;
 
 /* The file that it wants. */
@@ -42,6 +47,8 @@ void emul_bmi270_feed(emul_bmi270_t *chip, uint64_t now_us, const int16_t world[
 bool emul_bmi270_batches(const emul_bmi270_t *chip);
 /* Returns the level of the pin INT1. */
 bool emul_bmi270_int1(const emul_bmi270_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_bmi270_low_pass(const emul_bmi270_t *chip);
 void emul_bmi270_advance(emul_bmi270_t *chip, uint64_t now_us);
 int emul_bmi270_write(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_bmi270_read(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

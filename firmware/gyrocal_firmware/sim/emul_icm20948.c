@@ -11,8 +11,10 @@ enum {
     INT_STATUS_1 = 0x1A,
     OUT_FIRST = 0x2D,
     OUT_LAST = 0x3A,
+    SELF_TEST_X_GYRO = 0x02, /* bank 1 */
     GYRO_SMPLRT_DIV = 0x00, /* bank 2 */
     GYRO_CONFIG_1 = 0x01,
+    GYRO_CONFIG_2 = 0x02,
     ACCEL_CONFIG = 0x14,
     BANK_SEL = 0x7F,
 };
@@ -23,6 +25,10 @@ enum {
 #define BOOT_US 11000u
 #define RESET_US 2000u
 #define GYRO_US 35000u
+#define TEST_US 20000u
+#define TEST_SHARE 1.05 /* of what it was at the factory */
+
+static const uint8_t codes[3] = {150, 145, 155};
 
 static void defaults(emul_icm20948_t *chip) {
     memset(chip->reg, 0, sizeof chip->reg);
@@ -30,6 +36,7 @@ static void defaults(emul_icm20948_t *chip) {
     chip->bank = 0;
     chip->reg[0][WHO_AM_I] = ID;
     chip->reg[0][PWR_MGMT_1] = 0x41;
+    memcpy(chip->reg[1] + SELF_TEST_X_GYRO, codes, sizeof codes);
     chip->reg[2][GYRO_CONFIG_1] = 0x01;
     chip->reg[2][ACCEL_CONFIG] = 0x01;
     chip->gyro_us = UINT64_MAX;
@@ -66,9 +73,15 @@ static double period_us(const emul_icm20948_t *chip) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_icm20948_t *chip, uint64_t now_us, int16_t world) {
+/* Promised at 250 dps alone. */
+static double moved_dps(const emul_icm20948_t *chip, uint64_t now_us, int axis) {
+    const bool asked = (chip->reg[2][GYRO_CONFIG_2] & 0x20u >> axis) != 0 && (chip->reg[2][GYRO_CONFIG_1] & 6u) == 0;
+    return asked && now_us >= chip->moved_us && !emul_is_stuck(chip->stuck_axes, axis) ? TEST_SHARE * emul_dps_of_code(codes[axis]) : 0.0;
+}
+
+static int16_t rate(const emul_icm20948_t *chip, uint64_t now_us, int axis) {
     static const double counts_a_dps[4] = {131.0, 65.5, 32.8, 16.4};
-    const double dps = world * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE;
+    const double dps = chip->world[1 + axis] * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved_dps(chip, now_us, axis);
     const int16_t value = now_us < chip->gyro_us ? 0 : emul_counts(dps * counts_a_dps[chip->reg[2][GYRO_CONFIG_1] >> 1 & 3]);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
@@ -81,10 +94,15 @@ static void sample(emul_icm20948_t *chip, uint64_t now_us) {
     }
     chip->inside[0] = emul_counts((EMUL_WORLD_ZERO_C + chip->world[0] * EMUL_WORLD_C - 21.0) * 333.87);
     for (int i = 0; i < 3; i++) {
-        chip->inside[1 + i] = (off & 7u) != 0 ? 0 : rate(chip, now_us, chip->world[1 + i]);
+        chip->inside[1 + i] = (off & 7u) != 0 ? 0 : rate(chip, now_us, i);
         chip->inside[4 + i] = (off & 0x38u) != 0 ? 0 : emul_counts(chip->world[4 + i] * EMUL_WORLD_G * counts_a_g);
     }
     chip->reg[0][INT_STATUS_1] = (uint8_t)(chip->reg[0][INT_STATUS_1] | (chip->reg[0][INT_ENABLE_1] & 1u));
+}
+
+/* GYRO_DLPFCFG and one. */
+int emul_icm20948_low_pass(const emul_icm20948_t *chip) {
+    return (chip->reg[2][GYRO_CONFIG_1] & 1u) != 0 ? (chip->reg[2][GYRO_CONFIG_1] >> 3 & 7) + 1 : -1;
 }
 
 void emul_icm20948_advance(emul_icm20948_t *chip, uint64_t now_us) {
@@ -121,7 +139,7 @@ static uint8_t kept_bits(uint8_t bank, uint8_t reg) {
     static const struct {
         uint8_t bank, reg, bits;
     } known[] = {{0, 0x03, 0xFE}, {0, 0x05, 0x70}, {0, PWR_MGMT_1, 0xEF},      {0, PWR_MGMT_2, 0x3F},    {0, INT_PIN_CFG, 0xFE},
-                 {0, 0x10, 0x8F}, {0, INT_ENABLE_1, 0x01}, {2, GYRO_SMPLRT_DIV, 0xFF}, {2, GYRO_CONFIG_1, 0x3F}, {2, 0x02, 0x3F},
+                 {0, 0x10, 0x8F}, {0, INT_ENABLE_1, 0x01}, {2, GYRO_SMPLRT_DIV, 0xFF}, {2, GYRO_CONFIG_1, 0x3F}, {2, GYRO_CONFIG_2, 0x3F},
                  {2, 0x10, 0x0F}, {2, 0x11, 0xFF},         {2, ACCEL_CONFIG, 0x3F},    {2, 0x15, 0x1F}};
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
         if (known[i].bank == bank && known[i].reg == reg) {
@@ -157,6 +175,7 @@ static void write_one(emul_icm20948_t *chip, uint64_t now_us, uint8_t reg, uint8
         write_power(chip, now_us, value);
     } else if (!sleeps(chip) && kept_bits(chip->bank, reg) != 0) {
         chip->reg[chip->bank][reg] = (uint8_t)(value & kept_bits(chip->bank, reg));
+        chip->moved_us = chip->bank == 2 && reg == GYRO_CONFIG_2 ? now_us + TEST_US : chip->moved_us;
         if (chip->bank == 2 && (reg == GYRO_SMPLRT_DIV || reg == GYRO_CONFIG_1)) {
             chip->tick_us = (double)now_us + period_us(chip);
         }
@@ -174,6 +193,9 @@ static uint8_t read_one(emul_icm20948_t *chip, uint8_t reg, const int16_t shown[
     if (chip->bank == 0 && reg >= OUT_FIRST && reg <= OUT_LAST) {
         const uint16_t word = (uint16_t)shown[order[(reg - OUT_FIRST) / 2]];
         return (uint8_t)((reg - OUT_FIRST) % 2 == 0 ? word >> 8 : word & 0xFF);
+    }
+    if (chip->no_code && chip->bank == 1) {
+        return 0;
     }
     const uint8_t value = chip->reg[chip->bank][reg];
     if (chip->bank == 0 && reg == INT_STATUS_1) {

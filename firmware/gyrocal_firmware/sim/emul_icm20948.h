@@ -18,10 +18,13 @@ typedef struct {
     uint64_t boot_us;    /* no answer before */
     uint64_t reset_us;   /* DEVICE_RESET reads 1 until then */
     uint64_t gyro_us;    /* the gyroscope reads 0 before */
+    uint64_t moved_us;   /* the self-test has moved the masses from then on */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
+    bool no_code;
 } emul_icm20948_t;
 
 double emul_icm20948_clock_for(double rate_hz);
@@ -31,6 +34,8 @@ void emul_icm20948_feed(emul_icm20948_t *chip, uint64_t now_us, const int16_t wo
 bool emul_icm20948_batches(const emul_icm20948_t *chip);
 /* Returns the level of the pin INT1. */
 bool emul_icm20948_int1(const emul_icm20948_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_icm20948_low_pass(const emul_icm20948_t *chip);
 void emul_icm20948_advance(emul_icm20948_t *chip, uint64_t now_us);
 int emul_icm20948_write(emul_icm20948_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_icm20948_read(emul_icm20948_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -11,10 +11,14 @@ enum {
     PWR_MGMT0 = 0x4E,
     GYRO_CONFIG0 = 0x4F,
     ACCEL_CONFIG0 = 0x50,
+    GYRO_CONFIG1 = 0x51,
+    GYRO_ACCEL_CONFIG0 = 0x52,
     INT_CONFIG1 = 0x64,
     INT_SOURCE0 = 0x65,
+    SELF_TEST_CONFIG = 0x70,
     WHO_AM_I = 0x75,
     REG_BANK_SEL = 0x76,
+    XG_ST_DATA = 0x5F, /* of bank 1 */
 };
 
 #define DATA_RDY 0x08u
@@ -23,6 +27,10 @@ enum {
 #define RESET_US 900u
 #define DEAF_US 200u
 #define GYRO_US 30000u
+#define TEST_US 190000u
+#define TEST_SHARE 1.05 /* of what it was at the factory */
+
+static const uint8_t codes[3] = {150, 145, 155};
 
 /* Output rates by code, Hz; 0 = reserved, or too fast for a bus such as this. */
 static const double odr_hz[16] = {0, 0, 0, 8000, 4000, 2000, 1000, 200, 100, 50, 25, 12.5, 0, 0, 0, 500};
@@ -35,6 +43,8 @@ static void defaults(emul_icm42688_t *chip) {
     chip->reg[0x4C] = 0x30; /* INTF_CONFIG0: the high byte comes first */
     chip->reg[GYRO_CONFIG0] = 0x06;
     chip->reg[ACCEL_CONFIG0] = 0x06;
+    chip->reg[GYRO_CONFIG1] = 0x16;
+    chip->reg[GYRO_ACCEL_CONFIG0] = 0x11;
     chip->reg[INT_CONFIG1] = 0x10;
     chip->reg[INT_SOURCE0] = 0x10;
     chip->gyro_us = UINT64_MAX;
@@ -74,9 +84,15 @@ static double period_us(const emul_icm42688_t *chip) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_icm42688_t *chip, uint64_t now_us, int16_t world) {
+/* Promised at 250 dps alone. */
+static double moved_dps(const emul_icm42688_t *chip, uint64_t now_us, int axis) {
+    const bool asked = (chip->reg[SELF_TEST_CONFIG] >> axis & 1) != 0 && chip->reg[GYRO_CONFIG0] >> 5 == 3;
+    return asked && now_us >= chip->moved_us && !emul_is_stuck(chip->stuck_axes, axis) ? TEST_SHARE * emul_dps_of_code(codes[axis]) : 0.0;
+}
+
+static int16_t rate(const emul_icm42688_t *chip, uint64_t now_us, int axis) {
     static const double counts_a_dps[8] = {16.4, 32.8, 65.5, 131.0, 262.0, 524.3, 1048.6, 2097.2};
-    const double dps = world * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE;
+    const double dps = chip->world[1 + axis] * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved_dps(chip, now_us, axis);
     const int16_t value = now_us < chip->gyro_us ? 0 : emul_counts(dps * counts_a_dps[chip->reg[GYRO_CONFIG0] >> 5]);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
@@ -88,7 +104,7 @@ static void sample(emul_icm42688_t *chip, uint64_t now_us) {
     }
     chip->inside[0] = emul_counts((EMUL_WORLD_ZERO_C + chip->world[0] * EMUL_WORLD_C - 25.0) * 132.48);
     for (int i = 0; i < 3; i++) {
-        chip->inside[1 + i] = gyro_on(chip) ? rate(chip, now_us, chip->world[1 + i]) : INT16_MIN;
+        chip->inside[1 + i] = gyro_on(chip) ? rate(chip, now_us, i) : INT16_MIN;
         chip->inside[4 + i] = acc_on(chip) ? emul_counts(chip->world[4 + i] * EMUL_WORLD_G * counts_a_g) : INT16_MIN;
     }
     chip->reg[INT_STATUS] |= DATA_RDY;
@@ -100,6 +116,12 @@ static void finish_reset(emul_icm42688_t *chip, uint64_t now_us) {
         defaults(chip);
         chip->reg[INT_STATUS] = RESET_DONE;
     }
+}
+
+/* GYRO_UI_FILT_BW and one; 8 to 13 are reserved, and the two behind them are no filters of this kind. */
+int emul_icm42688_low_pass(const emul_icm42688_t *chip) {
+    const int filter = chip->reg[GYRO_ACCEL_CONFIG0] & 15u;
+    return filter < 8 ? filter + 1 : -1;
 }
 
 void emul_icm42688_advance(emul_icm42688_t *chip, uint64_t now_us) {
@@ -132,7 +154,7 @@ bool emul_icm42688_int1(const emul_icm42688_t *chip) {
 
 static bool writable(uint8_t reg) {
     return reg == DEVICE_CONFIG || reg == 0x13 || reg == INT_CONFIG || reg == 0x16 || (reg >= 0x4B && reg <= 0x57) ||
-           (reg >= 0x5F && reg <= 0x69);
+           (reg >= 0x5F && reg <= 0x69) || reg == SELF_TEST_CONFIG;
 }
 
 static void write_one(emul_icm42688_t *chip, uint64_t now_us, uint8_t reg, uint8_t value) {
@@ -153,6 +175,7 @@ static void write_one(emul_icm42688_t *chip, uint64_t now_us, uint8_t reg, uint8
     }
     const bool gyro_was_on = gyro_on(chip);
     chip->reg[reg] = reg == PWR_MGMT0 ? value & 0x3Fu : reg == GYRO_CONFIG0 || reg == ACCEL_CONFIG0 ? value & 0xEFu : value;
+    chip->moved_us = reg == SELF_TEST_CONFIG ? now_us + TEST_US : chip->moved_us;
     if (reg == PWR_MGMT0) {
         chip->deaf_us = now_us + DEAF_US;
         chip->gyro_us = !gyro_on(chip) ? UINT64_MAX : gyro_was_on ? chip->gyro_us : now_us + GYRO_US;
@@ -166,6 +189,9 @@ static uint8_t read_one(emul_icm42688_t *chip, uint8_t reg, const int16_t shown[
     static const uint8_t order[EMUL_WORDS] = {0, 4, 5, 6, 1, 2, 3}; /* temperature, accelerometer, gyroscope */
     if (reg == REG_BANK_SEL) {
         return chip->bank;
+    }
+    if (chip->bank == 1 && reg >= XG_ST_DATA && reg < XG_ST_DATA + 3 && chip->reset_us == 0) {
+        return chip->no_code ? 0 : codes[reg - XG_ST_DATA];
     }
     if (chip->bank != 0 || chip->reset_us != 0) {
         return 0;

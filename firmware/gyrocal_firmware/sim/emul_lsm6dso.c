@@ -14,7 +14,9 @@ enum {
     CTRL1_XL = 0x10,
     CTRL2_G = 0x11,
     CTRL3_C = 0x12,
+    CTRL4_C = 0x13,
     CTRL5_C = 0x14,
+    CTRL6_C = 0x15,
     CTRL9_XL = 0x18,
     CTRL10_C = 0x19,
     STATUS_REG = 0x1E,
@@ -28,7 +30,7 @@ enum {
 
 enum { ID_DSO = 0x6C, ID_DSR = 0x6B, ID_DS3 = 0x69 };
 enum { FIFO_OFF = 0, FIFO_STOPS_WHEN_FULL = 1, FIFO_CONTINUOUS = 6 };
-enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
+enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3, TAG_STAMP = 4 };
 
 #define BOOT_US 10000u
 #define RESET_US 50u
@@ -147,7 +149,19 @@ static bool due(double *batched, double rate_hz, double slot_hz) {
     return yes;
 }
 
-static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
+/* The time runs by the part's clock, 25 us a tick, and stands before the words of its slot. */
+static void stamp(emul_lsm6dso_t *chip, uint64_t now_us) {
+    static const unsigned every[] = {0, 1, 8, 32};
+    const unsigned slots = every[chip->reg[FIFO_CTRL4] >> 6];
+    if (slots > 0 && (chip->reg[CTRL10_C] & 0x20) != 0 && ++chip->stamped >= slots) {
+        const uint64_t ticks = (uint64_t)((chip->fed_only ? (double)now_us : chip->tick_us) * chip->clock / 25.0);
+        const int16_t words[2] = {(int16_t)(ticks & 0xFFFF), (int16_t)(ticks >> 16 & 0xFFFF)};
+        chip->stamped = 0;
+        push(chip, TAG_STAMP, words, 2);
+    }
+}
+
+static void batch(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t value[EMUL_WORDS]) {
     static const double temp_hz[] = {0, ROOT_HZ / 4096, ROOT_HZ / 512, ROOT_HZ / 128};
     const double gyro_hz = odr_hz[chip->reg[FIFO_CTRL3] >> 4];
     const double acc_hz = odr_hz[chip->reg[FIFO_CTRL3] & 15];
@@ -156,6 +170,7 @@ static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
         return;
     }
     chip->slot++;
+    stamp(chip, now_us);
     if (due(&chip->batched[0], gyro_hz, slot_hz)) {
         push(chip, TAG_GYRO, value + 1, 3);
     }
@@ -186,11 +201,11 @@ static uint8_t fifo_byte(emul_lsm6dso_t *chip, uint8_t reg) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int16_t world) {
+static int16_t rate(const emul_lsm6dso_t *chip, uint64_t now_us, int axis) {
     const unsigned test = chip->reg[CTRL5_C] >> 2 & 3u; /* 1 = positive, 3 = negative */
-    const double moved_dps = chip->stuck_mass ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
-    const double counts = world * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
-    const int16_t value = now_us < chip->settled_us ? 0 : emul_counts(counts);
+    const double moved_dps = emul_is_stuck(chip->stuck_axes, axis) ? 0.0 : test == 1 ? TEST_DPS : test == 3 ? -TEST_DPS : 0.0;
+    const double counts = chip->world[1 + axis] * (chip->world_full_scale_dps / full_scale_dps(chip)) + moved_dps / (full_scale_dps(chip) * 3.5e-5);
+    const int16_t value = now_us < chip->settled_us || emul_lsm6dso_low_pass(chip) < 0 ? 0 : emul_counts(counts);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
 
@@ -208,7 +223,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
             continue;
         }
         if (i >= 1 && i <= 3) {
-            value = rate(chip, now_us, value);
+            value = rate(chip, now_us, i - 1);
         } else if (i >= 4) {
             value = emul_counts(value * (2.0 / full_scale_g(chip)));
         } else if (chip->id == ID_DS3) {
@@ -223,7 +238,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
         }
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | (gyro || acc ? 4 : 0));
-    batch(chip, now);
+    batch(chip, now_us, now);
 }
 
 static double period_us(const emul_lsm6dso_t *chip) {
@@ -231,6 +246,14 @@ static double period_us(const emul_lsm6dso_t *chip) {
     const double acc = odr_hz[chip->reg[CTRL1_XL] >> 4];
     const double rate = gyro > 0 ? gyro : acc;
     return rate > 0 ? 1e6 / (rate * chip->clock) : 0.0;
+}
+
+/* FTYPE and one, 0 where LPF1 is off. Its strong ones end at 1667 Hz, and older parts have two bits of it or none. */
+int emul_lsm6dso_low_pass(const emul_lsm6dso_t *chip) {
+    const bool on = (chip->reg[CTRL4_C] & 2u) != 0, fast = chip->reg[CTRL2_G] >> 4 > 8;
+    const int type = chip->reg[CTRL6_C] & 7u;
+    const int types = chip->id == ID_DS3 ? 0 : !has_i3c(chip) || fast ? 4 : 8;
+    return !on ? 0 : type < types ? type + 1 : -1;
 }
 
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us) {

@@ -34,10 +34,12 @@ typedef struct {
     uint8_t fifo[EMUL_FIFO_WORDS][EMUL_FIFO_WORD_BYTES];
     unsigned fifo_first, fifo_n;
     unsigned slot; /* time slots so far; the tag holds the lowest two bits */
+    unsigned stamped;  /* slots since the last stamp of the time */
     double batched[3]; /* gyroscope, accelerometer, temperature: share of the next word that is due */
 
     /* misbehaviour */
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags, stuck_mass;
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
+    uint8_t stuck_axes;
 } emul_lsm6dso_t;
 
 /* The clock, over nominal, at which the nearest output data rate is exactly rate_hz. */
@@ -52,6 +54,8 @@ bool emul_lsm6dso_batches(const emul_lsm6dso_t *chip);
 /* Returns the level of the pin INT1. */
 bool emul_lsm6dso_int1(const emul_lsm6dso_t *chip);
 /* Takes the samples that are due by the chip's clock until now. */
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_lsm6dso_low_pass(const emul_lsm6dso_t *chip);
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us);
 /* Returns the number of bytes transferred, or -1 if the chip does not acknowledge. */
 int emul_lsm6dso_write(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);

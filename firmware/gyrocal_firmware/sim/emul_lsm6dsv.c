@@ -14,6 +14,7 @@ enum {
     CTRL2 = 0x11,
     CTRL3 = 0x12,
     CTRL6 = 0x15,
+    CTRL7 = 0x16,
     CTRL8 = 0x17,
     CTRL10 = 0x19,
     FIFO_STATUS1 = 0x1B,
@@ -22,6 +23,7 @@ enum {
     OUT_FIRST = 0x20,
     OUT_LAST = 0x2D,
     INTERNAL_FREQ = 0x4F,
+    FUNCTIONS_ENABLE = 0x50,
     FIFO_TAG = 0x78,
     FIFO_LAST = 0x7E,
 };
@@ -109,7 +111,27 @@ static void push(emul_lsm6dsv_t *chip, unsigned tag, const int16_t *values, int 
     }
 }
 
-static void batch(emul_lsm6dsv_t *chip) {
+/* Whether a word of which there are so many a slot is due. */
+static bool due(double *share, double a_slot) {
+    *share += fmin(1.0, a_slot);
+    const bool yes = *share > 0.999;
+    *share -= yes ? 1.0 : 0.0;
+    return yes;
+}
+
+/* The time runs by the part's clock, six ticks in a sample of 7680 Hz, and stands behind the words of its slot. */
+static void stamp(emul_lsm6dsv_t *chip, uint64_t now_us) {
+    static const unsigned every[4] = {0, 1, 8, 32};
+    const unsigned slots = every[chip->reg[FIFO_CTRL4] >> 6];
+    if (slots > 0 && (chip->reg[FUNCTIONS_ENABLE] & 0x40u) != 0 && ++chip->stamped >= slots) {
+        const uint64_t ticks = (uint64_t)((chip->fed_only ? (double)now_us : chip->tick_us) * chip->clock * 0.04608);
+        const int16_t words[2] = {(int16_t)(ticks & 0xFFFF), (int16_t)(ticks >> 16 & 0xFFFF)};
+        chip->stamped = 0;
+        push(chip, 4, words, 2);
+    }
+}
+
+static void batch(emul_lsm6dsv_t *chip, uint64_t now_us) {
     static const double temp_hz[4] = {0, 1.875, 15, 60};
     const double slot_hz = gyro_hz(chip);
     if (!emul_lsm6dsv_batches(chip) || slot_hz == 0.0) {
@@ -119,14 +141,13 @@ static void batch(emul_lsm6dsv_t *chip) {
     if (odr_hz[chip->reg[FIFO_CTRL3] >> 4] == slot_hz) {
         push(chip, 1, chip->inside + 1, 3);
     }
-    if (odr_hz[chip->reg[FIFO_CTRL3] & 15] == slot_hz && acc_hz(chip) > 0.0) {
+    if (acc_hz(chip) > 0.0 && due(&chip->acc_due, odr_hz[chip->reg[FIFO_CTRL3] & 15] / slot_hz)) {
         push(chip, 2, chip->inside + 4, 3);
     }
-    chip->temp_due += fmin(1.0, temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3] / slot_hz);
-    if (chip->temp_due > 0.999) {
-        chip->temp_due -= 1.0;
+    if (due(&chip->temp_due, temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3] / slot_hz)) {
         push(chip, 3, chip->inside, 1);
     }
+    stamp(chip, now_us);
 }
 
 static uint8_t fifo_byte(emul_lsm6dsv_t *chip, uint8_t reg) {
@@ -143,11 +164,11 @@ static uint8_t fifo_byte(emul_lsm6dsv_t *chip, uint8_t reg) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_lsm6dsv_t *chip, uint64_t now_us, int16_t world) {
+static int16_t rate(const emul_lsm6dsv_t *chip, uint64_t now_us, int axis) {
     static const double lsb_dps[16] = {0.004375, 0.00875, 0.0175, 0.035, 0.07, 0, 0, 0, 0, 0, 0, 0, 0.14, 0, 0, 0};
     const unsigned test = chip->reg[CTRL10] >> 2 & 3u;
-    const double moved = chip->stuck_mass ? 0.0 : test == 1 ? TEST_DPS : test == 2 ? -TEST_DPS : 0.0;
-    const double dps = world * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved;
+    const double moved = emul_is_stuck(chip->stuck_axes, axis) ? 0.0 : test == 1 ? TEST_DPS : test == 2 ? -TEST_DPS : 0.0;
+    const double dps = chip->world[1 + axis] * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved;
     const double lsb = lsb_dps[chip->reg[CTRL6] & 15];
     const int16_t value = now_us < chip->gyro_us || lsb == 0.0 ? 0 : emul_counts(dps / lsb);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
@@ -161,11 +182,16 @@ static void sample(emul_lsm6dsv_t *chip, uint64_t now_us) {
     }
     chip->inside[0] = chip->world[0];
     for (int i = 0; i < 3; i++) {
-        chip->inside[1 + i] = gyro ? rate(chip, now_us, chip->world[1 + i]) : 0;
+        chip->inside[1 + i] = gyro ? rate(chip, now_us, i) : 0;
         chip->inside[4 + i] = acc ? emul_counts(chip->world[4 + i] * EMUL_WORLD_G / lsb_g) : 0;
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | 4);
-    batch(chip);
+    batch(chip, now_us);
+}
+
+/* LPF1_G_BW and one, 0 where LPF1 is off. */
+int emul_lsm6dsv_low_pass(const emul_lsm6dsv_t *chip) {
+    return (chip->reg[CTRL7] & 1u) != 0 ? (chip->reg[CTRL6] >> 4 & 7) + 1 : 0;
 }
 
 void emul_lsm6dsv_advance(emul_lsm6dsv_t *chip, uint64_t now_us) {

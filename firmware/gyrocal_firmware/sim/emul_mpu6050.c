@@ -3,6 +3,8 @@
 #include <string.h>
 
 enum {
+    SELF_TEST_X_GYRO = 0x00, /* of the MPU-6500 and its successors */
+    SELF_TEST_X = 0x0D,      /* of the MPU-6050 */
     SMPLRT_DIV = 0x19,
     CONFIG = 0x1A,
     GYRO_CONFIG = 0x1B,
@@ -25,7 +27,11 @@ enum {
 #define BOOT_US 90000u
 #define RESET_US 2000u
 #define GYRO_US 30000u
+#define TEST_US 150000u
+#define TEST_SHARE 1.05 /* of what it was at the factory */
 #define OSCILLATOR 0.97 /* the internal one's rate over the gyroscope's; within its 5 % */
+
+static const uint8_t codes[2][3] = {{150, 145, 155}, {12, 17, 9}};
 
 static bool is_6050(const emul_mpu6050_t *chip) {
     return chip->id == ID_6050;
@@ -36,6 +42,7 @@ static void defaults(emul_mpu6050_t *chip) {
     memset(chip->inside, 0, sizeof chip->inside);
     chip->reg[WHO_AM_I] = chip->id;
     chip->reg[PWR_MGMT_1] = is_6050(chip) ? SLEEP : 0x01;
+    memcpy(chip->reg + (is_6050(chip) ? SELF_TEST_X : SELF_TEST_X_GYRO), codes[is_6050(chip)], sizeof codes[0]);
     chip->by_gyro = false;
 }
 
@@ -73,9 +80,17 @@ static double period_us(const emul_mpu6050_t *chip) {
 
 /* ---- samples ---- */
 
-static int16_t rate(const emul_mpu6050_t *chip, uint64_t now_us, int16_t world) {
+/* Promised at 250 dps alone. */
+static double moved_dps(const emul_mpu6050_t *chip, uint64_t now_us, int axis) {
+    const uint8_t code = codes[is_6050(chip)][axis];
+    const double factory_dps = !is_6050(chip) ? emul_dps_of_code(code) : (axis == 1 ? -25.0 : 25.0) * pow(1.046, code - 1.0);
+    const bool asked = (chip->reg[GYRO_CONFIG] & 0x80u >> axis) != 0 && (chip->reg[GYRO_CONFIG] & 0x18u) == 0;
+    return asked && now_us >= chip->moved_us && !emul_is_stuck(chip->stuck_axes, axis) ? TEST_SHARE * factory_dps : 0.0;
+}
+
+static int16_t rate(const emul_mpu6050_t *chip, uint64_t now_us, int axis) {
     static const double counts_a_dps[4] = {131.0, 65.5, 32.8, 16.4};
-    const double dps = world * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE;
+    const double dps = chip->world[1 + axis] * chip->world_full_scale_dps * EMUL_WORLD_DPS_OF_SCALE + moved_dps(chip, now_us, axis);
     const int16_t value = now_us < chip->gyro_us ? 0 : emul_counts(dps * counts_a_dps[chip->reg[GYRO_CONFIG] >> 3 & 3]);
     return (int16_t)(chip->stuck_bit ? value | 4 : value);
 }
@@ -90,10 +105,16 @@ static void sample(emul_mpu6050_t *chip, uint64_t now_us) {
     for (int i = 0; i < 3; i++) {
         const bool gyro_off = (chip->reg[PWR_MGMT_2] >> (2 - i) & 1) != 0;
         const bool acc_off = (chip->reg[PWR_MGMT_2] >> (5 - i) & 1) != 0;
-        chip->inside[1 + i] = gyro_off ? 0 : rate(chip, now_us, chip->world[1 + i]);
+        chip->inside[1 + i] = gyro_off ? 0 : rate(chip, now_us, i);
         chip->inside[4 + i] = acc_off ? 0 : emul_counts(chip->world[4 + i] * EMUL_WORLD_G / lsb_g);
     }
     chip->reg[INT_STATUS] = (uint8_t)(chip->reg[INT_STATUS] | (chip->reg[INT_ENABLE] & 1u));
+}
+
+/* DLPF_CFG; 0 and 7 raise the rate to 8 kHz. */
+int emul_mpu6050_low_pass(const emul_mpu6050_t *chip) {
+    const int filter = chip->reg[CONFIG] & 7u;
+    return filter == 0 || filter == 7 ? -1 : filter;
 }
 
 void emul_mpu6050_advance(emul_mpu6050_t *chip, uint64_t now_us) {
@@ -180,6 +201,7 @@ static void write_one(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, uint8_
         write_power(chip, now_us, value);
     } else if (!sleeps(chip) && kept_bits(chip, reg) != 0) {
         chip->reg[reg] = (uint8_t)(value & kept_bits(chip, reg));
+        chip->moved_us = reg == GYRO_CONFIG ? now_us + TEST_US : chip->moved_us;
         if (reg == SMPLRT_DIV || reg == CONFIG) {
             chip->tick_us = (double)now_us + period_us(chip);
         }
@@ -194,6 +216,9 @@ static uint8_t read_one(emul_mpu6050_t *chip, uint8_t reg, const int16_t shown[E
     if (reg >= OUT_FIRST && reg <= OUT_LAST) {
         const uint16_t word = (uint16_t)shown[order[(reg - OUT_FIRST) / 2]];
         return (uint8_t)((reg - OUT_FIRST) % 2 == 0 ? word >> 8 : word & 0xFF);
+    }
+    if (chip->no_code && reg < SMPLRT_DIV) {
+        return 0;
     }
     const uint8_t value = chip->reg[reg];
     if (reg == INT_STATUS) {

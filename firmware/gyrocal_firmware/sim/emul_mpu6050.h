@@ -19,10 +19,13 @@ typedef struct {
     uint64_t reset_us;   /* DEVICE_RESET reads 1 until then */
     uint64_t gyro_us;    /* the gyroscope runs from then on; it reads 0 before, and its clock cannot be chosen */
     bool by_gyro;        /* the gyroscope's clock was chosen when it ran */
+    uint64_t moved_us;   /* the self-test has moved the masses from then on */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset; /* misbehaviour */
+    uint8_t stuck_axes;
+    bool no_code;
 } emul_mpu6050_t;
 
 double emul_mpu6050_clock_for(double rate_hz);
@@ -32,6 +35,8 @@ void emul_mpu6050_feed(emul_mpu6050_t *chip, uint64_t now_us, const int16_t worl
 bool emul_mpu6050_batches(const emul_mpu6050_t *chip);
 /* Returns the level of the pin INT. */
 bool emul_mpu6050_int1(const emul_mpu6050_t *chip);
+/* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
+int emul_mpu6050_low_pass(const emul_mpu6050_t *chip);
 void emul_mpu6050_advance(emul_mpu6050_t *chip, uint64_t now_us);
 int emul_mpu6050_write(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_mpu6050_read(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

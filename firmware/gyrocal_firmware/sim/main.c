@@ -106,7 +106,7 @@ static void misbehave(sim_t *sim) {
     const emul_faults_t faults = {.nack = is_on(sim, FAULT_NACK), .wrong_id = is_on(sim, FAULT_WRONG_ID),
                                   .stale = is_on(sim, FAULT_STALE), .stuck_bit = is_on(sim, FAULT_STUCK_BIT),
                                   .stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT), .bad_tags = is_on(sim, FAULT_BAD_TAGS),
-                                  .stuck_mass = is_on(sim, FAULT_STUCK_MASS)};
+                                  .stuck_axes = is_on(sim, FAULT_STUCK_MASS) ? EMUL_ALL_AXES : 0u};
     emul_set_faults(&sim->part, &faults);
     if (begins(sim, FAULT_BROWNOUT, &length_s)) {
         emul_brown_out(&sim->part);

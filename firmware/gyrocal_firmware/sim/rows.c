@@ -92,7 +92,7 @@ static const char *parse(rows_t *rows, const uint8_t *data, size_t size, const g
         return "it holds no run";
     }
     if (!(rows->sample_rate_hz >= 1.0f) || gc_part_odr_for(part, (double)rows->sample_rate_hz) == 0.0) {
-        return part->batch_max > 0u ? "sample_rate_hz must be within 1 and 1388, or 1666" : "the sensor does not measure at sample_rate_hz";
+        return part->batch_max > 0u ? "sample_rate_hz must be within 1 and 1388, or 1666 or 3333" : "the sensor does not measure at sample_rate_hz";
     }
     if (!gc_part_full_scale_ok(part, (double)rows->full_scale_dps)) {
         return part->ranges == 5u ? "full_scale_dps must be 125, 250, 500, 1000 or 2000" : "the sensor does not have full_scale_dps";

@@ -295,8 +295,26 @@ def self_test_words(found: Event) -> str:
     if any(not isinstance(size, int | float) for size in sizes):
         return "passed" if found.get("passed") == 1 else "failed"
     moved = ", ".join(f"{axis} {size:.0f}" for axis, size in zip("xyz", sizes, strict=True))
-    limits = f"the maker wants {found.get('least_dps'):g} to {found.get('most_dps'):g}"
-    return f"{'passed' if found.get('passed') == 1 else 'failed'}: it moved {moved} dps, {limits}"
+    words = f"{'passed' if found.get('passed') == 1 else 'failed'}: it moved {moved} dps, the maker wants {_limits(found)}"
+    most = found.get("rest_most_dps")
+    if not isinstance(most, int | float):
+        return words
+    at_rest = ", ".join(f"{axis} {found.get(f'rest_{axis}_dps'):.1f}" for axis in "xyz")
+    return f"{words}; at rest {at_rest} dps, at most {most:g}"
+
+
+def _limits(found: Event) -> str:
+    """The limits of all axes, or of each its own."""
+    if "least_dps" in found:
+        return _limit(found, "")
+    return ", ".join(f"{axis} {_limit(found, f'{axis}_')}" for axis in "xyz")
+
+
+def _limit(found: Event, axis: str) -> str:
+    least, most = found.get(f"least_{axis}dps"), found.get(f"most_{axis}dps")
+    if not isinstance(least, int | float):
+        return "a code of the factory, which is missing"
+    return f"{least:.0f} to {most:.0f}" if isinstance(most, int | float) else f"{least:.0f} or more"
 
 
 def _self_test_line(found: Event) -> RenderableType:

@@ -17,6 +17,17 @@ static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {1000.0, 1000.0 / 32768.0, 1},
                                     {2000.0, 2000.0 / 32768.0, 0}};
 
+static const gc_accel_t accels[] = {{3.0, 0}, {6.0, 1}, {12.0, 2}, {24.0, 3}};
+
+/* The other filter that a rate has: 12 and 23 Hz, and 532 Hz. */
+static uint8_t other_code(double odr_hz) {
+    return odr_hz == 100.0 ? 5 : odr_hz == 200.0 ? 4 : 0;
+}
+
+static unsigned low_passes_at(double odr_hz) {
+    return odr_hz == 400.0 || odr_hz == 1000.0 ? 0u : 1u;
+}
+
 static uint8_t acc_code(double odr_hz) {
     return odr_hz <= 100.0 ? 8 : odr_hz <= 200.0 ? 9 : odr_hz <= 400.0 ? 10 : odr_hz <= 1000.0 ? 11 : 12;
 }
@@ -82,10 +93,10 @@ static int read_watched(gc_sensor_t *imu, uint8_t *found) {
 
 static int configure(gc_sensor_t *imu) {
     imu->written[RANGE] = imu->range->code;
-    imu->written[BANDWIDTH] = (uint8_t)(GC_BMI088_BANDWIDTH_READS | imu->odr->code);
+    imu->written[BANDWIDTH] = (uint8_t)(GC_BMI088_BANDWIDTH_READS | (imu->low_pass > 0u ? other_code(imu->odr_hz) : imu->odr->code));
     imu->written[FIFO_MODE] = GC_BMI088_FIFO_STREAM;
     imu->written[ACC_CONF] = (uint8_t)(GC_BMI088_ACC_MODE | acc_code(imu->odr_hz));
-    imu->written[ACC_RANGE] = 0; /* 3 g */
+    imu->written[ACC_RANGE] = imu->accel->code;
     imu->written[ACC_POWER] = GC_BMI088_ACC_ON;
     const uint8_t steps[][2] = {
         {GC_BMI088_RANGE, imu->written[RANGE]},
@@ -303,6 +314,7 @@ const gc_part_t gc_bmi088 = {
     .noise_dps = 0.12, /* 0.014 dps/sqrt(Hz) within 47 Hz, of first order */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 400.0,
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .accel = accels, .accels = sizeof accels / sizeof accels[0], .low_passes = 1, .low_passes_at = low_passes_at,
     .watched = CONFIG_REGS, .read_watched = read_watched,
     .batch_max = 64, /* of 100 frames: a quarter of the FIFO is left for delays */
     .identify = identify, .set_up = set_up, .ready = ready, .read = read_one,

@@ -15,6 +15,10 @@ static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {1000.0, 1000.0 / 32768.0, 1},
                                     {2000.0, 2000.0 / 32768.0, 0}};
 
+static const gc_accel_t accels[] = {{2.0, 0}, {4.0, 1}, {8.0, 2}, {16.0, 3}};
+/* GYR_CONF by low-pass: normal, and oversampled by two and four. */
+static const uint8_t gyr_modes[] = {GC_BMI270_GYR_MODE, GC_BMI270_GYR_OSR2, GC_BMI270_GYR_OSR4};
+
 /* To the temperature; the interrupt's state in between is read too, which releases the latched pin. */
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[24];
@@ -92,8 +96,8 @@ static int upload(gc_sensor_t *imu, const uint8_t *file, size_t n) {
 
 static int configure(gc_sensor_t *imu) {
     imu->written[0] = (uint8_t)(GC_BMI270_ACC_MODE | imu->odr->code);
-    imu->written[1] = 0; /* 2 g */
-    imu->written[2] = (uint8_t)(GC_BMI270_GYR_MODE | imu->odr->code);
+    imu->written[1] = imu->accel->code;
+    imu->written[2] = (uint8_t)(gyr_modes[imu->low_pass] | imu->odr->code);
     imu->written[3] = imu->range->code;
     const uint8_t steps[][2] = {
         {GC_BMI270_ACC_CONF, imu->written[0]},
@@ -209,14 +213,69 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
     return take_frames(imu, frames, batch);
 }
 
+/* ---- self-test ---- */
+
+static int select_page(gc_sensor_t *imu, uint8_t page) {
+    return gc_sensor_write_reg(imu, GC_BMI270_FEAT_PAGE, page);
+}
+
+/* One word of a page: no burst (the file's own test needs none), the test of the gyroscope and not its trim, and no abort. */
+static int choose_test(gc_sensor_t *imu) {
+    static const uint8_t word[2] = {0, 0};
+    const gc_port_t *port = imu->port;
+    const int error = select_page(imu, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    return port->bus_write(port->context, imu->address, GC_BMI270_G_TRIG_1, word, sizeof word) < 0 ? GC_E_BUS_NACK : GC_OK;
+}
+
+static int begin_test(gc_sensor_t *imu) {
+    const uint8_t steps[][2] = {
+        {GC_BMI270_FIFO_CONFIG_0 + 1, 0},
+        {GC_BMI270_PWR_CTRL, GC_BMI270_ALL_BUT_GYR},
+    };
+    int error = gc_sensor_change_bits(imu, GC_BMI270_GYR_CRT_CONF, 0, GC_BMI270_CRT_RUNNING);
+    if (error == GC_OK) {
+        error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
+    }
+    gc_sensor_wait_us(imu, GC_BMI270_GYR_OFF_US);
+    if (error == GC_OK) {
+        error = choose_test(imu);
+    }
+    return error == GC_OK ? gc_sensor_write_reg(imu, GC_BMI270_CMD, GC_BMI270_G_TRIGGER) : error;
+}
+
+/* The part tells no sizes. It gives up when it is moved. */
+static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
+    uint8_t status = 0, axes = 0;
+    int error = begin_test(imu);
+    if (error == GC_OK) {
+        error = gc_sensor_wait_for_bits(imu, GC_BMI270_GYR_CRT_CONF, GC_BMI270_CRT_RUNNING, 0, POLL_US, GC_BMI270_TEST_TIMEOUT_US);
+        error = error == GC_E_RESET_TIMEOUT ? GC_E_STALE : error;
+    }
+    if (error == GC_OK) {
+        error = select_page(imu, 0);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_BMI270_GYR_GAIN_STATUS, &status, 1);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_read_regs(imu, GC_BMI270_GYR_SELF_TEST_AXES, &axes, 1);
+    }
+    result->passed = error == GC_OK && (status & GC_BMI270_G_TRIG_STATUS) == 0u && (axes & GC_BMI270_AXES_OK) == GC_BMI270_AXES_OK;
+    return error;
+}
+
 const gc_part_t gc_bmi270 = {
     .name = "BMI270", .id = GC_BMI270_ID, .address = {GC_BMI270_ADDRESS, GC_BMI270_ADDRESS_HIGH},
     .lsb_g = 2.0 / 32768.0, .lsb_c = 1.0 / 512.0, .zero_c = 23.0,
     .noise_dps = 0.09, /* 0.007 dps/sqrt(Hz) within the filter of 400 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 400.0,
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .accel = accels, .accels = sizeof accels / sizeof accels[0], .low_passes = 2,
     .watched_reg = GC_BMI270_ACC_CONF, .watched = CONFIG_REGS,
     .batch_max = 128, /* of 170 frames: a quarter of the FIFO is left for delays */
     .identify = identify, .set_up = set_up, .ready = ready, .read = burst,
-    .fifo_begin = fifo_restart, .fifo_read = fifo_read,
+    .fifo_begin = fifo_restart, .fifo_read = fifo_read, .self_test = self_test,
 };

@@ -31,10 +31,12 @@ static void tell_hello(gc_device_t *d) {
     gc_sentence_real(s, "odr_hz", d->sampler.sensor.odr_hz);
     gc_settings_field(s, settings, GC_SETTING_FULL_SCALE_DPS, d->config.parts);
     gc_sentence_real(s, "lsb_dps", d->sampler.sensor.lsb_dps);
-    gc_sentence_real(s, "lsb_g", part->lsb_g);
+    gc_sentence_real(s, "lsb_g", d->sampler.sensor.lsb_g);
     gc_sentence_real(s, "lsb_c", part->lsb_c);
     gc_sentence_real(s, "zero_c", part->zero_c);
     gc_sentence_real(s, "noise_dps", part->noise_dps);
+    gc_settings_field(s, settings, GC_SETTING_ACCEL_G, d->config.parts);
+    gc_settings_field(s, settings, GC_SETTING_LOW_PASS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_AXIS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TABLE_DPS, d->config.parts);
     gc_settings_field(s, settings, GC_SETTING_TURN_DEG, d->config.parts);
@@ -327,6 +329,9 @@ static int do_stream(gc_device_t *d, const gc_command_t *command) {
     if (command->stream == GC_STREAM_CORRECTED && !gc_kept_has_correction(&d->kept)) {
         return GC_E_NOT_CALIBRATED;
     }
+    if (!gc_stream_fits(command->stream, d->settings.now.rate_hz)) {
+        return GC_E_STREAM_RATE;
+    }
     d->stream = command->stream;
     acknowledge(d, command, "stream", gc_stream_name(d->stream));
     return GC_OK;
@@ -356,6 +361,9 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     if (error == GC_OK) {
         error = gc_settings_check(&settings, part);
     }
+    if (error == GC_OK && !gc_stream_fits(d->stream, settings.rate_hz)) {
+        error = GC_E_STREAM_RATE;
+    }
     if (error != GC_OK) {
         return error;
     }
@@ -363,7 +371,7 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     tell_setting(d, command);
     save_settings(d, &before);
     if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
-        settings.fifo != before.fifo) {
+        settings.fifo != before.fifo || settings.accel_g != before.accel_g || settings.low_pass != before.low_pass) {
         gc_sampler_begin_anew(&d->sampler);
     }
     if (settings.sensor != before.sensor) {
@@ -409,18 +417,6 @@ static int do_undo(gc_device_t *d, const gc_command_t *command) {
     return GC_OK;
 }
 
-static void tell_self_test(gc_device_t *d, const gc_self_test_t *result) {
-    static const char *const names[] = {"x_dps", "y_dps", "z_dps"};
-    gc_sentence_t *s = gc_tell_begin(&d->teller, "TST");
-    gc_sentence_uint(s, "passed", result->passed ? 1u : 0u);
-    for (unsigned i = 0; i < 3u; i++) {
-        gc_sentence_real(s, names[i], result->change_dps[i]);
-    }
-    gc_sentence_real(s, "least_dps", result->least_dps);
-    gc_sentence_real(s, "most_dps", result->most_dps);
-    gc_tell_end(&d->teller);
-}
-
 static int do_selftest(gc_device_t *d, const gc_command_t *command) {
     if (!d->sampler.ready) {
         return GC_E_NOT_READY;
@@ -432,7 +428,7 @@ static int do_selftest(gc_device_t *d, const gc_command_t *command) {
     gc_self_test_t result;
     const int error = gc_sensor_self_test(&d->sampler.sensor, &result);
     if (error == GC_OK) {
-        tell_self_test(d, &result);
+        gc_tell_self_test(&d->teller, &result);
     }
     gc_sampler_begin_anew(&d->sampler);
     return error;

@@ -42,6 +42,7 @@ extern "C" {
     X(GC_E_FACE, -35, "wrong_face", "gravity says the other face: check the face given and how the sensor is mounted")     \
     X(GC_E_NO_PAIR, -36, "no_pair", "axis or full scale or rate_hz or table_dps is not that of the run before: repeat it") \
     X(GC_E_TABLE_RATE, -37, "table_rate", "the reading is over 3 percent off table_dps: check the table or set table_dps") \
+    X(GC_E_STREAM_RATE, -38, "stream_rate", "the wire carries no stream at this rate_hz: send stream off or set a slower one")    \
     X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")      \
     X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")      \
     X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \

@@ -6,7 +6,9 @@
  *                                                    within 200 us after PWR_MGMT0, INT_CONFIG1 0, 30 ms until the gyroscope runs
  *     order of the readings                          the same, icm42688_read_all
  *
- * Sensitivities, temperature and noise are those of datasheet DS-000347. */
+ * Sensitivities, temperature and noise are those of datasheet DS-000347. Self-test: InvenSense's own driver in
+ * VaderMester/ESP32-ICM426XX-driver, components/ICM426XX/Invn/Drivers/Icm426xx, a60ffe2e: Icm426xxSelfTest.c, run_gyro_self_test and
+ * average_sensor_output; its registers, Icm426xxDefs.h. */
 #ifndef GC_ICM42688_H
 #define GC_ICM42688_H
 
@@ -24,10 +26,14 @@ extern "C" {
 #define GC_ICM42688_TEMP_DATA1 0x1D
 #define GC_ICM42688_INT_STATUS 0x2D
 #define GC_ICM42688_PWR_MGMT0 0x4E
+#define GC_ICM42688_GYRO_CONFIG1 0x51
+#define GC_ICM42688_GYRO_ACCEL_CONFIG0 0x52
 #define GC_ICM42688_INT_CONFIG1 0x64
 #define GC_ICM42688_INT_SOURCE0 0x65
+#define GC_ICM42688_SELF_TEST_CONFIG 0x70
 #define GC_ICM42688_WHO_AM_I 0x75
-#define GC_ICM42688_REG_BANK_SEL 0x76
+#define GC_ICM42688_REG_BANK_SEL 0x76 /* of every bank */
+#define GC_ICM42688_XG_ST_DATA 0x5F   /* of bank 1 */
 
 #define GC_ICM42688_ID 0x47
 #define GC_ICM42688_SOFT_RESET 0x01u
@@ -35,12 +41,20 @@ extern "C" {
 #define GC_ICM42688_DATA_READY 0x08u   /* of INT_STATUS, and its source */
 #define GC_ICM42688_RESET_DONE 0x10u
 #define GC_ICM42688_LOW_NOISE 0x0Fu    /* both sensors */
-#define GC_ICM42688_ACCEL_2G 0x60u
+#define GC_ICM42688_ACCEL_FILTER_DEFAULT 0x10u /* a quarter of the rate */
+#define GC_ICM42688_GYRO_FILTER_DEFAULT 0x01u  /* the same */
+#define GC_ICM42688_GYRO_ORDER 0x0Cu
+#define GC_ICM42688_GYRO_3RD_ORDER 0x08u
+#define GC_ICM42688_GYRO_FILTER 0x0Fu
+#define GC_ICM42688_GYRO_TENTH 0x04u /* its bandwidth is a tenth of the rate */
+#define GC_ICM42688_TEST_250_DPS_1_KHZ 0x66u
+#define GC_ICM42688_GYRO_TEST 0x07u  /* all axes */
 
 #define GC_ICM42688_BOOT_US 3000u
 #define GC_ICM42688_RESET_US 1000u
 #define GC_ICM42688_RESET_TIMEOUT_US 10000u
 #define GC_ICM42688_TURN_ON_US 80000u
+#define GC_ICM42688_TEST_US 200000u /* until the self-test has moved the masses */
 
 extern const gc_part_t gc_icm42688;
 

@@ -6,6 +6,9 @@
  *     LSM6DSR      id, 4000 dps in bit 0 of CTRL2_G: STMicroelectronics/lsm6dsr-pid, lsm6dsr_reg.h, 2f412a46
  *     LSM6DS3TR-C  (LSM6DSL, LSM6DSM) id, no I3C, no INTERNAL_FREQ_FINE, a FIFO of another kind that this driver does not use:
  *                  STMicroelectronics/lsm6ds3tr-c-pid, lsm6ds3tr-c_reg.h, 39233342
+ *     low-pass     LPF1 and FTYPE, STMicroelectronics/lsm6dso-pid, lsm6dso_reg.h, 163f39a5, lsm6dso_ftype_t; the LSM6DS3TR-C has
+ *                  two bits of it: lsm6ds3tr-c_reg.h, lsm6ds3tr_c_lpf1_sel_g_t; the LSM6DS3 has no LPF1
+ *     time stamps  TIMESTAMP_EN, their tag and how many are stored: the same lsm6dso_reg.h
  *     self-test    AN5192, section 8: 208 Hz and 2000 dps, 150 to 700 dps by the datasheets of all of them
  *     LSM6DS3      id, likewise, and 16 counts a degree: STMicroelectronics/lsm6ds3-pid, lsm6ds3_reg.c, 13df2967
  */
@@ -29,6 +32,7 @@ extern "C" {
 #define GC_LSM6DSO_CTRL5_C 0x14
 #define GC_LSM6DSO_WHO_AM_I 0x0F
 #define GC_LSM6DSO_CTRL9_XL 0x18
+#define GC_LSM6DSO_CTRL10_C 0x19
 #define GC_LSM6DSO_STATUS 0x1E
 #define GC_LSM6DSO_OUT_TEMP_L 0x20
 #define GC_LSM6DSO_FIFO_STATUS1 0x3A
@@ -46,9 +50,11 @@ extern "C" {
 #define GC_LSM6DSO_INT1_FIFO_TH 0x08u /* the pin says when the FIFO holds as much as its watermark */
 #define GC_LSM6DSO_CTRL3_BDU 0x40u
 #define GC_LSM6DSO_CTRL3_IF_INC 0x04u
+#define GC_LSM6DSO_CTRL4_LPF1_SEL_G 0x02u
 #define GC_LSM6DSO_CTRL3_SW_RESET 0x01u
 #define GC_LSM6DSO_CTRL9_I3C_DISABLE 0x02u
 #define GC_LSM6DSO_CTRL5_GYRO_TEST 0x04u /* the gyroscope's mass is moved as by a positive rate */
+#define GC_LSM6DSO_CTRL10_TIMESTAMP 0x20u
 #define GC_LSM6DSO_STATUS_XLDA 0x01u
 #define GC_LSM6DSO_STATUS_GDA 0x02u
 #define GC_LSM6DSO_STATUS_TDA 0x04u

@@ -1,18 +1,20 @@
 #include "gc_lsm6dsv.h"
 
 #include "gc_error.h"
+#include "gc_self_test.h"
 #include "gc_tagged_fifo.h"
 
-#define CONFIG_REGS 6u /* CTRL1 to CTRL6 */
+enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL7, CTRL8, CONFIG_REGS }; /* the watched ones */
 #define RESET_LOOK_US 100u
 #define TEST_CODE_240_HZ 7u
 #define TEST_CODE_2000_DPS 4u
 
-static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}};
+static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}, {3840.0, 11}};
 static const gc_range_t ranges[] = {{125.0, 0.004375, 0x00}, {250.0, 0.00875, 0x01}, {500.0, 0.0175, 0x02},
                                     {1000.0, 0.035, 0x03},   {2000.0, 0.070, 0x04},  {4000.0, 0.140, 0x0C}};
+static const gc_accel_t accels[] = {{2.0, 0}, {4.0, 1}, {8.0, 2}, {16.0, 3}};
 static const gc_tagged_fifo_t fifo = {
-    .status_reg = GC_LSM6DSV_FIFO_STATUS1, .level_bits = 1, .slow_temp_hz = 15.0, .temp_hz = 60.0};
+    .status_reg = GC_LSM6DSV_FIFO_STATUS1, .level_bits = 1, .slow_temp_hz = 15.0, .temp_hz = 60.0, .acc_code = 6, .acc_hz = 120.0};
 
 static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
     uint8_t data[14];
@@ -60,18 +62,23 @@ static int route_int1(gc_sensor_t *imu, uint8_t source) {
     return imu->port->wait_ready_us != NULL ? gc_sensor_write_reg(imu, GC_LSM6DSV_INT1_CTRL, source) : GC_OK;
 }
 
-/* BDU comes first, so that no word is read in two halves; the accelerometer's 2 g are the default. */
+/* BDU comes first, so that no word is read in two halves. */
 static int configure(gc_sensor_t *imu) {
-    imu->written[0] = imu->odr->code;
-    imu->written[1] = imu->odr->code;
-    imu->written[2] = GC_LSM6DSV_CTRL3_BDU | GC_LSM6DSV_CTRL3_IF_INC;
-    imu->written[3] = 0;
-    imu->written[4] = 0;
-    imu->written[5] = imu->range->code;
-    const uint8_t steps[][2] = {{GC_LSM6DSV_CTRL3, imu->written[2]},
-                                {GC_LSM6DSV_CTRL6, imu->written[5]},
-                                {GC_LSM6DSV_CTRL1, imu->written[0]},
-                                {GC_LSM6DSV_CTRL2, imu->written[1]}};
+    const unsigned bandwidth = imu->low_pass > 0u ? imu->low_pass - 1u : 0u;
+    imu->written[CTRL1] = imu->odr->code;
+    imu->written[CTRL2] = imu->odr->code;
+    imu->written[CTRL3] = GC_LSM6DSV_CTRL3_BDU | GC_LSM6DSV_CTRL3_IF_INC;
+    imu->written[CTRL4] = 0;
+    imu->written[CTRL5] = 0;
+    imu->written[CTRL6] = (uint8_t)(bandwidth << 4 | imu->range->code);
+    imu->written[CTRL7] = imu->low_pass > 0u ? GC_LSM6DSV_CTRL7_LPF1_G_EN : 0u;
+    imu->written[CTRL8] = imu->accel->code;
+    const uint8_t steps[][2] = {{GC_LSM6DSV_CTRL3, imu->written[CTRL3]},
+                                {GC_LSM6DSV_CTRL6, imu->written[CTRL6]},
+                                {GC_LSM6DSV_CTRL1 + CTRL7, imu->written[CTRL7]},
+                                {GC_LSM6DSV_CTRL1 + CTRL8, imu->written[CTRL8]},
+                                {GC_LSM6DSV_CTRL1, imu->written[CTRL1]},
+                                {GC_LSM6DSV_CTRL2, imu->written[CTRL2]}};
     const int error = gc_sensor_write_steps(imu, steps, sizeof steps / sizeof steps[0]);
     return error == GC_OK ? gc_sensor_check_config(imu, GC_E_CONFIG_REFUSED) : error;
 }
@@ -105,7 +112,10 @@ static int ready(gc_sensor_t *imu) {
 }
 
 static int fifo_begin(gc_sensor_t *imu) {
-    const int error = route_int1(imu, GC_LSM6DSV_INT1_FIFO_TH);
+    int error = route_int1(imu, GC_LSM6DSV_INT1_FIFO_TH);
+    if (error == GC_OK) {
+        error = gc_sensor_write_reg(imu, GC_LSM6DSV_FUNCTIONS_ENABLE, GC_LSM6DSV_TIMESTAMP);
+    }
     return error == GC_OK ? gc_tagged_fifo_restart(&fifo, imu) : error;
 }
 
@@ -116,10 +126,12 @@ static int fifo_read(gc_sensor_t *imu, gc_batch_t *batch) {
 static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
     static const uint8_t still[][2] = {
         {GC_LSM6DSV_INT1_CTRL, 0}, {GC_LSM6DSV_CTRL6, TEST_CODE_2000_DPS}, {GC_LSM6DSV_CTRL2, TEST_CODE_240_HZ}};
+    static const uint8_t moving[][2] = {{GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST}};
     static const gc_moving_test_t test = {
-        .still = still, .stills = sizeof still / sizeof still[0], .moving = {GC_LSM6DSV_CTRL10, GC_LSM6DSV_CTRL10_GYRO_TEST},
-        .settle_us = GC_LSM6DSV_TEST_US, .samples = 5, .lsb_dps = 0.070, .least_dps = 150.0, .most_dps = 700.0};
-    return gc_sensor_test_by_change(imu, &test, result);
+        .still = still, .stills = sizeof still / sizeof still[0], .moving = moving, .movings = 1,
+        .settle_us = GC_LSM6DSV_TEST_US, .samples = 5, .lsb_dps = 0.070};
+    gc_self_test_limit(result, 150.0, 700.0);
+    return gc_self_test_by_change(imu, &test, result);
 }
 
 const gc_part_t gc_lsm6dsv = {
@@ -128,6 +140,7 @@ const gc_part_t gc_lsm6dsv = {
     .noise_dps = 0.043, /* 2.8 mdps/sqrt(Hz) within half of 480 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 480.0,
     .range = ranges, .ranges = sizeof ranges / sizeof ranges[0],
+    .accel = accels, .accels = sizeof accels / sizeof accels[0], .low_passes = 8,
     .watched_reg = GC_LSM6DSV_CTRL1, .watched = CONFIG_REGS,
     .batch_max = 64, /* of at most three words of 256: a quarter of the FIFO is left for delays */
     .identify = identify, .set_up = set_up, .ready = ready, .read = burst,

@@ -1,7 +1,7 @@
 /* Driver of ST's LSM6DSV gyroscope and accelerometer, which shares its id with the LSM6DSV16X. Sources of the register facts:
  *
  *     addresses, bits, codes of rates and ranges,      STMicroelectronics/lsm6dsv-pid, lsm6dsv_reg.h, f045c602
- *     sensitivities, temperature, FIFO
+ *     sensitivities, temperature, FIFO, low-pass (LPF1), time stamps
  *     both sensors off before a reset                  the same, lsm6dsv_reg.c, lsm6dsv_sw_reset
  *     INTERNAL_FREQ (0.13 % a count of 7680 Hz),       datasheet DS13476, which could not be read here again: if the step is
  *     noise, turn-on, depth of the FIFO, self-test     another one, the period is off by at most the part's own 5 %
@@ -32,13 +32,17 @@ extern "C" {
 #define GC_LSM6DSV_OUT_TEMP_L 0x20
 #define GC_LSM6DSV_INTERNAL_FREQ 0x4F
 
+#define GC_LSM6DSV_FUNCTIONS_ENABLE 0x50
+
 #define GC_LSM6DSV_ID 0x70
 #define GC_LSM6DSV_INT1_DRDY_G 0x02u
 #define GC_LSM6DSV_INT1_FIFO_TH 0x08u
 #define GC_LSM6DSV_CTRL3_BDU 0x40u
 #define GC_LSM6DSV_CTRL3_IF_INC 0x04u
 #define GC_LSM6DSV_CTRL3_SW_RESET 0x01u
+#define GC_LSM6DSV_CTRL7_LPF1_G_EN 0x01u
 #define GC_LSM6DSV_CTRL10_GYRO_TEST 0x04u /* the gyroscope's mass is moved as by a positive rate */
+#define GC_LSM6DSV_TIMESTAMP 0x40u
 #define GC_LSM6DSV_STATUS_GDA 0x02u
 #define GC_LSM6DSV_FREQ_LSB 0.0013
 

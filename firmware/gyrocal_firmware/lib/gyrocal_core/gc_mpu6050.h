@@ -7,6 +7,10 @@
  *     defaults after reset       Register Map RM-MPU-6000A-00 4.2, section 3
  *     read sets of registers     the same, section 4.18: a burst reads one sample
  *     rates, filters             the same, sections 4.2 and 4.3
+ *     self-test                  the same, section 4.1, and product specification PS-MPU-6000A-00, section 6.1 (14 %). Steps of the
+ *                                procedure, limits without a code, and all of it for the MPU-6500 and its successors:
+ *                                sparkfun/SparkFun_MPU-9250-DMP_Arduino_Library, src/util/inv_mpu.c, f46b97c4: get_st_biases,
+ *                                gyro_self_test; get_st_6500_biases, gyro_6500_self_test
  */
 #ifndef GC_MPU6050_H
 #define GC_MPU6050_H
@@ -20,7 +24,11 @@ extern "C" {
 #define GC_MPU6050_ADDRESS 0x68      /* AD0 low */
 #define GC_MPU6050_ADDRESS_HIGH 0x69 /* AD0 high */
 
+#define GC_MPU6500_SELF_TEST_X_GYRO 0x00
+#define GC_MPU6050_TRIM 0x0D /* SELF_TEST_X, of the MPU-6050 */
 #define GC_MPU6050_SMPLRT_DIV 0x19
+#define GC_MPU6050_CONFIG 0x1A
+#define GC_MPU6050_GYRO_CONFIG 0x1B
 #define GC_MPU6050_INT_PIN_CFG 0x37
 #define GC_MPU6050_INT_ENABLE 0x38
 #define GC_MPU6050_INT_STATUS 0x3A
@@ -39,11 +47,13 @@ extern "C" {
 #define GC_MPU6050_CLOCK_GYRO 0x01u
 #define GC_MPU6050_LATCH_INT 0x20u /* until INT_STATUS is read */
 #define GC_MPU6050_DATA_READY 0x01u
+#define GC_MPU6050_GYRO_TEST 0xE0u /* all axes, at 250 dps */
 
 #define GC_MPU6050_BOOT_US 100000u
 #define GC_MPU6050_RESET_TIMEOUT_US 100000u
 #define GC_MPU6050_WAKE_US 5000u     /* until registers are written after sleep */
 #define GC_MPU6050_GYRO_ON_US 100000u /* until the gyroscope's clock can be used, and its readings */
+#define GC_MPU6050_TEST_US 200000u /* until the self-test has moved the masses */
 #define GC_MPU6050_FILTER_US 100000u /* until the slowest filter has settled */
 
 extern const gc_part_t gc_mpu6050, gc_mpu6500, gc_mpu9250, gc_mpu9255;

@@ -242,7 +242,7 @@ static void add_to_estimator(gc_pair_t *pair, const gc_taken_t *sample) {
         .power_on_s = (float)(1e-6 * (double)sample->t_us),
     };
     for (size_t i = 0; i < 3u; i++) {
-        in.acc_g[i] = (float)(run->part->lsb_g * sample->raw.acc[i]);
+        in.acc_g[i] = (float)(run->lsb_g * sample->raw.acc[i]);
     }
     const double measured_dps = run->lsb_dps * sample->raw.gyro[run->settings.axis];
     gc_estimator_add_sample(&pair->estimator, since_us / GC_BLOCK_US, measured_dps, run->w_dps, &in);

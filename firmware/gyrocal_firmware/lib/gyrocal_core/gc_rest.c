@@ -34,7 +34,7 @@ void gc_rest_end(gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_k
     double acc_sq = 0.0;
     for (size_t i = 0; i < 3u; i++) {
         const double variance = run->lsb_dps * run->lsb_dps * (double)run->sum_sq_diff[i] / (2.0 * (n - 1.0));
-        const double acc_g = run->part->lsb_g * (double)run->acc_sum[i] / n;
+        const double acc_g = run->lsb_g * (double)run->acc_sum[i] / n;
         rest->axis[i].known = true;
         rest->axis[i].bias_dps = run->lsb_dps * (double)run->sum[i] / n;
         rest->axis[i].white_variance = variance;

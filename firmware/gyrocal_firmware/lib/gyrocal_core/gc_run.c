@@ -33,6 +33,7 @@ void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_
     run->part = sensor->part;
     run->full_scale_dps = sensor->full_scale_dps;
     run->lsb_dps = sensor->lsb_dps;
+    run->lsb_g = sensor->lsb_g;
     run->w_dps = gc_run_true_rate_dps(settings, face);
     run->first = first;
     run->bits = run->latest_bits = no_bits;
@@ -193,7 +194,7 @@ void gc_run_tell_faults(const gc_run_t *run, gc_teller_t *teller) {
 }
 
 bool gc_run_face_is_wrong(const gc_run_t *run) {
-    const double acc_g = run->n == 0u ? 0.0 : run->part->lsb_g * (double)run->acc_sum[run->settings.axis] / (double)run->n;
+    const double acc_g = run->n == 0u ? 0.0 : run->lsb_g * (double)run->acc_sum[run->settings.axis] / (double)run->n;
     return fabs(acc_g) > GRAVITY_MIN_G && acc_g * run->face < 0.0;
 }
 

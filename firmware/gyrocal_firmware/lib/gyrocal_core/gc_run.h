@@ -43,6 +43,7 @@ typedef struct {
     const gc_part_t *part;
     double full_scale_dps;
     double lsb_dps;
+    double lsb_g;
     double w_dps;   /* true rate about the sensed axis; NaN = unknown */
     uint32_t n;
     uint64_t first; /* sample number since boot */

@@ -28,9 +28,11 @@ void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settin
 
 static int begin_sensor(gc_sampler_t *sampler) {
     const gc_settings_t *settings = sampler->settings;
-    const double odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz);
-    int error =
-        gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, odr_hz, settings->full_scale_dps);
+    const gc_setup_t setup = {.odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz),
+                              .full_scale_dps = settings->full_scale_dps,
+                              .accel_g = settings->accel_g,
+                              .low_pass = (unsigned)settings->low_pass};
+    int error = gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, &setup);
     if (error == GC_OK && settings->fifo > 0.0) {
         error = gc_sensor_fifo_begin(&sampler->sensor, (unsigned)settings->fifo);
     }
@@ -50,6 +52,7 @@ void gc_sampler_set_up(gc_sampler_t *sampler) {
     sampler->epoch_us = now;
     sampler->tick = 0;
     sampler->fifo_known = false;
+    sampler->gap = false;
     sampler->retry_us = now + RETRY_US;
     if (error != GC_OK) {
         gc_tell_error(sampler->teller, error);
@@ -140,29 +143,41 @@ bool gc_sampler_wait(gc_sampler_t *sampler) {
 
 /* ---- reading ---- */
 
-/* The newest sample was taken within a period before the reading; those since the newest of the last reading lie evenly. */
+/* The newest sample was taken within a period before the reading; those since the newest of the last reading lie evenly, also behind
+   samples that are lost where the part's own times tell how many. */
 static void date_batch(gc_sampler_t *sampler) {
     const gc_batch_t *batch = &sampler->batch;
     const double period_us = sampler->sensor.period_us;
     const double left_us = period_us * batch->left;
-    const double earliest_us = (double)batch->t_us - period_us - left_us;
-    const double latest_us = (double)batch->until_us - left_us;
+    const double unsure_us = batch->left > 0u ? period_us : 0.0; /* `left` is within one */
+    const double earliest_us = (double)batch->t_us - period_us - left_us - unsure_us;
+    const double latest_us = (double)batch->until_us - left_us + unsure_us;
     double newest_us = 0.5 * (earliest_us + latest_us);
     sampler->step_us = period_us;
     if (sampler->fifo_known) {
-        newest_us = fmin(fmax(sampler->newest_us + period_us * batch->n, earliest_us), latest_us);
-        sampler->step_us = (newest_us - sampler->newest_us) / batch->n;
+        newest_us = fmin(fmax(sampler->newest_us + period_us * ((double)batch->n + batch->lost), earliest_us), latest_us);
+        sampler->step_us = batch->lost > 0u ? period_us : (newest_us - sampler->newest_us) / batch->n;
     }
     sampler->newest_us = newest_us;
     sampler->fifo_known = true;
+}
+
+/* What the part left out by itself, without a gap in its FIFO, shows in the times of the samples. */
+static void heed_gap(gc_sampler_t *sampler) {
+    gc_batch_t *batch = &sampler->batch;
+    batch->lost_known = batch->lost_known && sampler->gap;
+    batch->lost = batch->lost_known ? batch->lost : 0u;
+    sampler->fifo_known = sampler->fifo_known && (!sampler->gap || batch->lost_known);
+    sampler->gap = false;
 }
 
 static void read_fifo(gc_sampler_t *sampler) {
     gc_batch_t *batch = &sampler->batch;
     sampler->read_error = gc_sensor_fifo_read(&sampler->sensor, batch);
     sampler->read_us = batch->t_us;
-    sampler->fifo_known = sampler->fifo_known && !batch->gap;
+    sampler->gap = sampler->gap || batch->gap;
     if (batch->n > 0u) {
+        heed_gap(sampler);
         date_batch(sampler);
     }
     if (batch->overrun) {
@@ -176,6 +191,7 @@ static void read_one(gc_sampler_t *sampler) {
     sampler->read_error = gc_sensor_read(&sampler->sensor, &batch->sample[0]);
     batch->n = 0;
     batch->left = 0;
+    batch->lost_known = false;
     if (sampler->read_error == GC_OK && batch->sample[0].fresh) {
         batch->n = 1;
         sampler->read_us = is_polled(sampler) ? sampler->sensor.looked_us : sampler->read_us;
@@ -198,8 +214,11 @@ unsigned gc_sampler_read(gc_sampler_t *sampler) {
     return sampler->batch.n;
 }
 
-static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, uint64_t t_us) {
-    const double periods = 1e-6 * ((double)(t_us - before_us) * sampler->settings->rate_hz);
+static uint32_t missed_before(const gc_sampler_t *sampler, unsigned i, uint64_t t_us) {
+    const double periods = 1e-6 * ((double)(t_us - sampler->sample_us) * sampler->settings->rate_hz);
+    if (i == 0u && sampler->batch.lost_known) {
+        return sampler->batch.lost;
+    }
     return periods > GC_GAP_PERIODS ? (uint32_t)fmin(periods + 0.5, MOST_MISSED) - 1u : 0u;
 }
 
@@ -209,7 +228,7 @@ void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
     /* Time never decreases, even if a clock does. */
     taken->t_us = t_us > (double)sampler->sample_us ? (uint64_t)t_us : sampler->sample_us;
     taken->number = sampler->samples++;
-    taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;
+    taken->missed = sampler->sample_us > 0u ? missed_before(sampler, i, taken->t_us) : 0u;
     taken->raw = sampler->batch.sample[i];
     sampler->missed += taken->missed;
     sampler->sample_us = taken->t_us;

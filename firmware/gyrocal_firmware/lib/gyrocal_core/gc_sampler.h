@@ -46,6 +46,7 @@ typedef struct {
     gc_batch_t batch; /* its samples */
     unsigned reads;   /* successive readings of the FIFO */
     double newest_us, step_us; /* when its last sample was taken, how far apart they are */
+    bool gap;        /* samples are missing since then */
     bool fifo_known; /* newest_us is known, and no sample is missing since */
 
     uint32_t stale;    /* readings that were not new */

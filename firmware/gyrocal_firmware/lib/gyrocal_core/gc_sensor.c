@@ -7,8 +7,6 @@
 
 #define STALE_PERIODS 3.0 /* output periods without new data after which the part is at fault; chosen by judgement */
 #define POLL_MARGIN 1.2 /* output rate over polling rate: a part that is polled at nearly its own rate often has nothing new */
-#define SELF_TEST_SAMPLE_US 200000u /* the longest time between two samples of a self-test */
-#define SELF_TEST_LOOK_US 200u
 
 static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
     for (size_t i = 0; i < part->odrs; i++) {
@@ -34,11 +32,30 @@ double gc_part_odr_for(const gc_part_t *part, double rate_hz) {
     }
     for (size_t i = 0; i < part->odrs; i++) {
         const double hz = part->odr[i].hz;
-        if (hz >= part->polled_from_hz && hz >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
+        if (hz >= part->polled_from_hz && hz <= GC_FIFO_ALONE_HZ && hz >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
             return hz;
         }
     }
     return 0.0;
+}
+
+/* 0 stands for the least one. */
+static const gc_accel_t *accel_of(const gc_part_t *part, double accel_g) {
+    for (size_t i = 0; i < part->accels; i++) {
+        if (accel_g == 0.0 || part->accel[i].g == accel_g) {
+            return &part->accel[i];
+        }
+    }
+    return NULL;
+}
+
+bool gc_part_accel_ok(const gc_part_t *part, double accel_g) {
+    return accel_of(part, accel_g) != NULL;
+}
+
+bool gc_part_low_pass_ok(const gc_part_t *part, double odr_hz, double low_pass) {
+    const unsigned most = part->low_passes_at != NULL ? part->low_passes_at(odr_hz) : part->low_passes;
+    return low_pass >= 0.0 && low_pass <= (double)most;
 }
 
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps) {
@@ -161,6 +178,12 @@ int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t
     return error;
 }
 
+int gc_sensor_change_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t value) {
+    uint8_t found = 0;
+    const int error = gc_sensor_read_regs(sensor, reg, &found, 1);
+    return error != GC_OK ? error : gc_sensor_write_reg(sensor, reg, (uint8_t)((found & ~mask) | value));
+}
+
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
     return write_at(sensor, sensor->other_address, reg, value);
 }
@@ -180,11 +203,11 @@ int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other) {
     return memcmp(found, sensor->written, part->watched) == 0 ? GC_OK : error_if_other;
 }
 
-int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
-                   double full_scale_dps) {
-    const gc_odr_t *odr = odr_of(part, odr_hz);
-    const gc_range_t *range = range_of(part, full_scale_dps);
-    if (odr == NULL || range == NULL) {
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, const gc_setup_t *setup) {
+    const gc_odr_t *odr = odr_of(part, setup->odr_hz);
+    const gc_range_t *range = range_of(part, setup->full_scale_dps);
+    const gc_accel_t *accel = accel_of(part, setup->accel_g);
+    if (odr == NULL || range == NULL || accel == NULL || !gc_part_low_pass_ok(part, setup->odr_hz, setup->low_pass)) {
         return GC_E_ARGUMENT;
     }
     sensor->part = part;
@@ -192,10 +215,14 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     sensor->address = address;
     sensor->odr = odr;
     sensor->range = range;
-    sensor->odr_hz = odr_hz;
-    sensor->full_scale_dps = full_scale_dps;
+    sensor->accel = accel;
+    sensor->low_pass = setup->low_pass;
+    sensor->odr_hz = setup->odr_hz;
+    sensor->full_scale_dps = setup->full_scale_dps;
     sensor->lsb_dps = range->lsb_dps;
+    sensor->lsb_g = part->lsb_g * accel->g / part->accel[0].g;
     sensor->data_wait = false;
+    sensor->stamps = (gc_stamps_t){.known = false};
     const int error = part->set_up(sensor);
     sensor->batch = 0;
     sensor->config_checked_us = port->now_us(port->context);
@@ -203,67 +230,12 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     return error;
 }
 
-static int wait_for_sample(gc_sensor_t *sensor, gc_sample_t *sample) {
-    const uint64_t start = sensor->port->now_us(sensor->port->context);
-    int ready = sensor->part->ready(sensor);
-    while (ready == 0) {
-        if (sensor->port->now_us(sensor->port->context) - start > SELF_TEST_SAMPLE_US) {
-            return GC_E_STALE;
-        }
-        gc_sensor_wait_us(sensor, SELF_TEST_LOOK_US);
-        ready = sensor->part->ready(sensor);
-    }
-    return ready < 0 ? ready : sensor->part->read(sensor, sample);
-}
-
-/* The mean of new readings of the gyroscope in counts, after one that is discarded. */
-static int mean_rate(gc_sensor_t *sensor, unsigned n, double mean[3]) {
-    gc_sample_t sample;
-    double sum[3] = {0.0, 0.0, 0.0};
-    int error = wait_for_sample(sensor, &sample);
-    for (unsigned k = 0; k < n && error == GC_OK; k++) {
-        error = wait_for_sample(sensor, &sample);
-        for (size_t i = 0; i < 3u && error == GC_OK; i++) {
-            sum[i] += sample.gyro[i];
-        }
-    }
-    for (size_t i = 0; i < 3u; i++) {
-        mean[i] = sum[i] / n;
-    }
-    return error;
-}
-
-int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result) {
-    double before[3], moved[3];
-    int error = gc_sensor_write_steps(sensor, test->still, test->stills);
-    gc_sensor_wait_us(sensor, test->settle_us);
-    if (error == GC_OK) {
-        error = mean_rate(sensor, test->samples, before);
-    }
-    if (error == GC_OK) {
-        error = gc_sensor_write_reg(sensor, test->moving[0], test->moving[1]);
-    }
-    gc_sensor_wait_us(sensor, test->settle_us);
-    if (error == GC_OK) {
-        error = mean_rate(sensor, test->samples, moved);
-    }
-    if (error != GC_OK) {
-        return error;
-    }
-    result->passed = true;
-    result->least_dps = test->least_dps;
-    result->most_dps = test->most_dps;
-    for (size_t i = 0; i < 3u; i++) {
-        const double change_dps = test->lsb_dps * (moved[i] - before[i]);
-        result->change_dps[i] = change_dps;
-        result->passed = result->passed && fabs(change_dps) >= test->least_dps && fabs(change_dps) <= test->most_dps;
-    }
-    return GC_OK;
-}
-
 int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {
     const gc_part_t *part = sensor->part;
-    *result = (gc_self_test_t){.change_dps = {NAN, NAN, NAN}, .least_dps = NAN, .most_dps = NAN};
+    *result = (gc_self_test_t){.rest_most_dps = NAN};
+    for (size_t i = 0; i < 3u; i++) {
+        result->change_dps[i] = result->least_dps[i] = result->most_dps[i] = result->rest_dps[i] = NAN;
+    }
     return part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
 }
 
@@ -324,6 +296,9 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch) {
     batch->left = 0;
     batch->overrun = false;
     batch->gap = false;
+    batch->stamps = 0;
+    batch->lost_known = false;
+    batch->lost = 0;
     int error = sensor->part->fifo_read(sensor, batch);
     if (error == GC_OK) {
         error = judge_silence(sensor, batch->t_us);

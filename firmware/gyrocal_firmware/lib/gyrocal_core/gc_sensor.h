@@ -14,7 +14,10 @@ extern "C" {
 #endif
 
 #define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
-#define GC_WATCHED_MAX 6u  /* registers */
+#define GC_WATCHED_MAX 8u  /* registers */
+/* Faster samples leave the part through the FIFO alone, and the accelerometer's come at a slower rate: a bus of 400 kHz carries no
+   more. Nor does the wire carry a stream of them. */
+#define GC_FIFO_ALONE_HZ 2000.0
 #define GC_SENSOR_CONFIG_CHECK_US 500000u
 
 /* A reading in raw counts. */
@@ -32,6 +35,9 @@ typedef struct {
     unsigned left; /* samples still in there, within one */
     bool overrun;  /* it was full */
     bool gap;      /* samples are missing before the next one, because the FIFO was full or was started again */
+    unsigned stamps; /* of the part's own time */
+    bool lost_known; /* they tell how many did not come since they last told it: */
+    uint32_t lost;
     uint64_t t_us, until_us; /* time at which the level was read; the newest sample was taken within one period before it */
 } gc_batch_t;
 
@@ -46,22 +52,35 @@ typedef struct {
     uint8_t code;
 } gc_range_t;
 
-/* What the part's own test of the gyroscope found. */
+/* A range of the accelerometer. */
+typedef struct {
+    double g;
+    uint8_t code;
+} gc_accel_t;
+
+/* How a part is set up. */
+typedef struct {
+    double odr_hz, full_scale_dps;
+    double accel_g;    /* range of the accelerometer; 0 = the least */
+    unsigned low_pass; /* number of the gyroscope's low-pass, from 1; 0 = the driver's choice */
+} gc_setup_t;
+
+/* What the part's own test of the gyroscope found. NaN: the part tells the result alone, or the maker sets no such limit. */
 typedef struct {
     bool passed;
-    double change_dps[3];         /* by which the test moved each axis; NaN where the part tells the result alone */
-    double least_dps, most_dps;   /* between which the maker wants each; NaN likewise */
+    double change_dps[3];               /* by which the test moved each axis */
+    double least_dps[3], most_dps[3];   /* between which the maker wants it */
+    double rest_dps[3], rest_most_dps;  /* the readings before, and the largest that the maker allows */
 } gc_self_test_t;
 
-/* How a part that moves its own masses is tested. */
+/* The part's own time in its FIFO: a stamp at some samples, in ticks. The samples between two stamps tell the ticks of one. */
 typedef struct {
-    const uint8_t (*still)[2]; /* registers and values for the rate and the range of the test */
-    size_t stills;
-    uint8_t moving[2]; /* the register that begins to move them, and its value */
-    uint32_t settle_us;
-    unsigned samples;
-    double lsb_dps, least_dps, most_dps; /* what the maker wants */
-} gc_moving_test_t;
+    bool known;            /* a stamp came */
+    uint32_t ticks;        /* the latest */
+    int32_t since;         /* samples since the stamped one; -1 = that comes next */
+    double ticks_a_sample; /* 0 = not known yet */
+    uint32_t base_ticks, base_samples; /* it is counted from here */
+} gc_stamps_t;
 
 typedef struct gc_sensor gc_sensor_t;
 
@@ -71,7 +90,7 @@ typedef struct {
     uint8_t address[2]; /* on the bus, by a pin of the part; the first is the usual one */
     uint8_t id;         /* what its register WHO_AM_I holds; some parts share one */
     uint8_t traits;     /* the driver's own: in what the parts of its family differ */
-    double lsb_g, lsb_c;
+    double lsb_g, lsb_c; /* of the accelerometer's least range */
     double noise_dps; /* typical standard deviation of one reading */
     double zero_c; /* temperature = zero_c + lsb_c * counts */
     const gc_odr_t *odr; /* output data rates, ascending */
@@ -79,6 +98,10 @@ typedef struct {
     double polled_from_hz; /* for any other rate the sensor is polled, at this output data rate or above */
     const gc_range_t *range;
     size_t ranges;
+    const gc_accel_t *accel; /* ascending */
+    size_t accels;
+    unsigned low_passes; /* that the maker's registers number, and, where some rates have fewer of them: */
+    unsigned (*low_passes_at)(double odr_hz);
     uint8_t watched_reg; /* the first of the registers that must keep what was written to them, and */
     uint8_t watched;     /* how many there are */
     /* Optional, where they do not lie in a row or on one die: reads them in the order of `written`. */
@@ -96,7 +119,7 @@ typedef struct {
     int (*fifo_begin)(gc_sensor_t *sensor);
     /* Reads the FIFO into a batch and sets all of its fields. */
     int (*fifo_read)(gc_sensor_t *sensor, gc_batch_t *batch);
-    /* Optional: the part's own test of its gyroscope, at rest. Takes up to a second and leaves the part to be set up again. */
+    /* Optional: the part's own test of its gyroscope, at rest. Takes up to five seconds and leaves the part to be set up again. */
     int (*self_test)(gc_sensor_t *sensor, gc_self_test_t *result);
 } gc_part_t;
 
@@ -107,10 +130,13 @@ struct gc_sensor {
     uint8_t other_address; /* of the part's second die, where it has one */
     const gc_odr_t *odr;
     const gc_range_t *range;
+    const gc_accel_t *accel;
+    unsigned low_pass;
     double odr_hz;    /* nominal */
     double period_us; /* output period by the part's own clock */
     double full_scale_dps;
     double lsb_dps;
+    double lsb_g;
     uint8_t written[GC_WATCHED_MAX]; /* values written to the watched registers */
     uint64_t config_checked_us;
     uint64_t looked_us; /* when the bus was last asked whether data are ready */
@@ -121,11 +147,16 @@ struct gc_sensor {
     bool fifo_broken;  /* the FIFO must be started again */
     gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
     uint8_t partial_slot, partial_has; /* number of the slot, and the words of it that have come */
+    uint8_t whole_slot; /* that of the latest whole sample; beyond 3 = none */
+    gc_stamps_t stamps;
 };
 
 /* Returns the output data rate in Hz that serves `rate_hz`: the rate itself if it is one of the part's, else the first one from
    polled_from_hz on that is a fifth above it, or 0 if there is none. */
 double gc_part_odr_for(const gc_part_t *part, double rate_hz);
+/* Returns true if the part has this range of the accelerometer, or this low-pass at the output data rate. 0 always is one. */
+bool gc_part_accel_ok(const gc_part_t *part, double accel_g);
+bool gc_part_low_pass_ok(const gc_part_t *part, double odr_hz, double low_pass);
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
 bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
 /* Returns the first part of a list, which ends with NULL, that may have the address; NULL if there is none. */
@@ -136,10 +167,8 @@ int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t a
    that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. */
 uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found);
 
-/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
-   do not allow. */
-int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
-                   double full_scale_dps);
+/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for a set-up that the functions above do not allow. */
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, const gc_setup_t *setup);
 /* Returns 1 if new data wait, 0 if none do, negative on error. */
 int gc_sensor_ready(gc_sensor_t *sensor);
 /* Reads the flag and, where it is set, the sample. Every 0.5 s, and when data stay away, also checks that the part still has its
@@ -174,8 +203,8 @@ int gc_sensor_write_steps(gc_sensor_t *sensor, const uint8_t (*steps)[2], size_t
 /* The same of the second die. */
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
-/* Reads the rates at rest and again while the part moves its own masses, and judges the change. */
-int gc_sensor_test_by_change(gc_sensor_t *sensor, const gc_moving_test_t *test, gc_self_test_t *result);
+/* Sets the bits of `mask` to those of `value`. */
+int gc_sensor_change_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t value);
 /* Returns error_if_other if a watched register does not hold what was written to it. */
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
 

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define KEY "settings"
-#define VERSION 4u /* version of the layout of gc_settings_t */
+#define VERSION 5u /* version of the layout of gc_settings_t */
 /* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 to 0.6 ms and the look at the flag 0.1 ms,
    and a tenth of the samples at 1666 Hz was lost. */
 #define SINGLE_BELOW_HZ 1500.0
@@ -31,6 +31,8 @@ static const struct {
         {.name = "table_dps", .field = offsetof(gc_settings_t, table_dps), .least = -2000.0, .most = 2000.0, .none = "none"},
     [GC_SETTING_TURN_DEG] = {.name = "turn_deg", .field = offsetof(gc_settings_t, turn_deg), .least = -1e6, .most = 1e6},
     [GC_SETTING_FIFO] = {.name = "fifo", .field = offsetof(gc_settings_t, fifo), .most = GC_BATCH_MAX, .whole = true},
+    [GC_SETTING_ACCEL_G] = {.name = "accel_g", .field = offsetof(gc_settings_t, accel_g), .most = 1e3},
+    [GC_SETTING_LOW_PASS] = {.name = "low_pass", .field = offsetof(gc_settings_t, low_pass), .most = 255.0, .whole = true},
     [GC_SETTING_AXIS] = {.name = "axis", .field = offsetof(gc_settings_t, axis), .most = 2.0, .words = axes},
     [GC_SETTING_AUTO] = {.name = "auto", .field = offsetof(gc_settings_t, automatic), .most = 1.0, .words = switches},
     [GC_SETTING_SENSOR] = {.name = "sensor", .field = offsetof(gc_settings_t, sensor), .most = 255.0, .words = by_id},
@@ -124,8 +126,9 @@ static bool within_ranges(const gc_settings_t *settings) {
 
 int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
     const double odr_hz = gc_part_odr_for(part, settings->rate_hz);
-    if (!within_ranges(settings) || !(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) || settings->fifo > part->batch_max ||
-        settings->fifo > FIFO_LONGEST_S * settings->rate_hz) {
+    if (!within_ranges(settings) || !(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) ||
+        !gc_part_accel_ok(part, settings->accel_g) || !gc_part_low_pass_ok(part, odr_hz, settings->low_pass) ||
+        settings->fifo > part->batch_max || settings->fifo > FIFO_LONGEST_S * settings->rate_hz) {
         return GC_E_ARGUMENT;
     }
     if (settings->fifo == 0.0) {

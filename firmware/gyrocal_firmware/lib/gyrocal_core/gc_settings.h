@@ -18,6 +18,8 @@ typedef struct {
     double table_dps; /* NaN = unknown */
     double turn_deg;  /* 0 = none */
     double fifo;      /* samples taken at once out of the sensor's FIFO; 0 = each as it comes */
+    double accel_g;   /* range of the accelerometer; 0 = the part's least */
+    double low_pass;  /* number of the gyroscope's low-pass; 0 = the driver's choice */
     int32_t axis;     /* 0 x, 1 y, 2 z */
     int32_t automatic;
     int32_t sensor;   /* number of the part in the device's list, counted from 1; 0 = the one that its id tells */
@@ -37,6 +39,8 @@ typedef enum {
     GC_SETTING_TABLE_DPS,
     GC_SETTING_TURN_DEG,
     GC_SETTING_FIFO,
+    GC_SETTING_ACCEL_G,
+    GC_SETTING_LOW_PASS,
     GC_SETTING_AXIS,
     GC_SETTING_AUTO,
     GC_SETTING_SENSOR,

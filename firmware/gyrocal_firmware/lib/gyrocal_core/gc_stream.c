@@ -16,6 +16,10 @@ const char *gc_stream_name(gc_stream_t stream) {
     return names[stream];
 }
 
+bool gc_stream_fits(gc_stream_t stream, double rate_hz) {
+    return stream == GC_STREAM_OFF || rate_hz <= GC_FIFO_ALONE_HZ;
+}
+
 static void tell_teleplot(const gc_port_t *port, const gc_sensor_t *sensor, const gc_sample_t *sample) {
     char text[3 * (6 + GC_FORMAT_MAX)];
     size_t n = 0;

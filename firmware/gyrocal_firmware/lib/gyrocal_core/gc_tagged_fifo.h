@@ -15,6 +15,8 @@ typedef struct {
     uint8_t level_bits; /* so many */
     bool has_parity;    /* bit 0 of a tag makes its parity even */
     double slow_temp_hz, temp_hz; /* the two rates at which the temperature is stored, the slower one with slower samples */
+    uint8_t acc_code; /* the accelerometer's rate beyond GC_FIFO_ALONE_HZ */
+    double acc_hz;
 } gc_tagged_fifo_t;
 
 /* Empties and starts it. */

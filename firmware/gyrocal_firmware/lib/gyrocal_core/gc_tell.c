@@ -2,6 +2,7 @@
 
 #include "gc_error.h"
 
+#include <math.h>
 #include <string.h>
 
 void gc_teller_init(gc_teller_t *teller, const gc_port_t *port, unsigned imu) {
@@ -63,4 +64,36 @@ const char *gc_axis_name(int axis) {
 
 const char *gc_face_name(int face) {
     return face > 0 ? "up" : "down";
+}
+
+/* One field where the axes have one limit, else one a axis. */
+static void tell_limit(gc_sentence_t *s, const char *name, const char *const names[3], const double limit_dps[3]) {
+    const bool alike = limit_dps[0] == limit_dps[1] && limit_dps[0] == limit_dps[2];
+    const bool none = isnan(limit_dps[0]) && isnan(limit_dps[1]) && isnan(limit_dps[2]);
+    if (alike || none) {
+        gc_sentence_real(s, name, limit_dps[0]);
+        return;
+    }
+    for (unsigned i = 0; i < 3u; i++) {
+        gc_sentence_real(s, names[i], limit_dps[i]);
+    }
+}
+
+void gc_tell_self_test(gc_teller_t *teller, const gc_self_test_t *result) {
+    static const char *const changes[] = {"x_dps", "y_dps", "z_dps"}, *const least[] = {"least_x_dps", "least_y_dps", "least_z_dps"},
+                      *const most[] = {"most_x_dps", "most_y_dps", "most_z_dps"}, *const rests[] = {"rest_x_dps", "rest_y_dps", "rest_z_dps"};
+    gc_sentence_t *s = gc_tell_begin(teller, "TST");
+    gc_sentence_uint(s, "passed", result->passed ? 1u : 0u);
+    for (unsigned i = 0; i < 3u; i++) {
+        gc_sentence_real(s, changes[i], result->change_dps[i]);
+    }
+    tell_limit(s, "least_dps", least, result->least_dps);
+    tell_limit(s, "most_dps", most, result->most_dps);
+    if (!isnan(result->rest_most_dps)) {
+        for (unsigned i = 0; i < 3u; i++) {
+            gc_sentence_real(s, rests[i], result->rest_dps[i]);
+        }
+        gc_sentence_real(s, "rest_most_dps", result->rest_most_dps);
+    }
+    gc_tell_end(teller);
 }

@@ -3,6 +3,7 @@
 #define GC_TELL_H
 
 #include "gc_port.h"
+#include "gc_sensor.h"
 #include "gc_wire.h"
 
 #ifdef __cplusplus
@@ -29,6 +30,8 @@ bool gc_tell_end_or_wait(gc_teller_t *teller);
 void gc_tell_error(gc_teller_t *teller, int code);
 /* Acknowledges a command, with a name and its value unless name is NULL. */
 void gc_tell_ack(gc_teller_t *teller, const char *command, const char *name, const char *value);
+/* Tells what a self-test found ($TST). */
+void gc_tell_self_test(gc_teller_t *teller, const gc_self_test_t *result);
 
 const char *gc_axis_name(int axis);
 const char *gc_face_name(int face);

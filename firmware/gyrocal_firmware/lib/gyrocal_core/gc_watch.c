@@ -42,7 +42,7 @@ static double tolerance_dps(const gc_watch_t *watch, const gc_sensor_t *sensor) 
 
 /* Adds a whole window to the stretch, or begins a new one with it. */
 static void end_window(gc_watch_t *watch, const gc_settings_t *settings, const gc_sensor_t *sensor) {
-    const double acc_g = sensor->part->lsb_g * (double)watch->acc_sum / (double)watch->n;
+    const double acc_g = sensor->lsb_g * (double)watch->acc_sum / (double)watch->n;
     watch->rate_dps = sensor->lsb_dps * (double)watch->sum / (double)watch->n;
     watch->face = acc_g > GRAVITY_MIN_G ? 1 : acc_g < -GRAVITY_MIN_G ? -1 : 0;
     const double least_dps = TURNING_FRACTION * fabs(settings->table_dps);

@@ -17,7 +17,10 @@ void setup() {
     delay(100);
     const gc_part_t *part = nullptr;
     const uint8_t address = board.find(&part);
-    ready = address != 0 && gc_sensor_init(&imu, part, board.port(), address, gc_part_odr_for(part, RATE_HZ), 250.0) == GC_OK;
+    gc_setup_t part_setup = {};
+    part_setup.odr_hz = part != nullptr ? gc_part_odr_for(part, RATE_HZ) : 0.0;
+    part_setup.full_scale_dps = 250.0;
+    ready = address != 0 && gc_sensor_init(&imu, part, board.port(), address, &part_setup) == GC_OK;
     Serial.println(ready ? part->name : "no sensor: check the wiring");
 }
 
