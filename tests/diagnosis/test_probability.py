@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.probability import decided
+from gyrocal.diagnosis.naming.probability import OnAxis, decided, told_sets
 from gyrocal.effects.base import effect
+from gyrocal.evidence.answer import Alternative
 from gyrocal.evidence.checked import Checks
 
 PASSED, FAILED = Checks(0.9, 0.4), Checks(0.9, 1e-6)
@@ -122,3 +123,21 @@ def test_names_stand_before_suggestions() -> None:
     known = candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=12.0)
     order = decided(known, {"z"}, gaining)
     assert [c.effect.id for c in order] == ["warmup", "drift"]
+
+
+def test_sets_are_together_no_more_probable_than_an_effect_that_they_hold() -> None:
+    """The alternatives are weighed in one form of what is left over, an effect in the less favourable one of two."""
+    doubtful, likely = candidate("drift", "reject", -4.0, None), candidate("scale_asymmetry", "add", 6.0)
+    sets = [
+        OnAxis("z", Alternative(effects, (), 0.0), probability)
+        for effects, probability in ((("drift",), 0.5), (("drift", "scale_asymmetry"), 0.3), (("scale_asymmetry",), 0.15))
+    ]
+    told = told_sets([*sets, OnAxis("x", sets[0].found, 0.4)], [doubtful, likely])
+    assert [(one.axis, one.found.effects) for one in told] == [("z", ("scale_asymmetry",)), ("x", ("drift",))]
+    assert told[0].probability == 0.15
+    assert told[1].probability == 0.4  # on x nothing is stated of it
+    assert doubtful.probability is not None
+    rather = replace(doubtful, log_odds=1.0)
+    with_it = [one.probability for one in told_sets(sets, [rather, likely]) if "drift" in one.found.effects]
+    assert rather.probability is not None
+    assert sum(with_it) == pytest.approx(rather.probability)

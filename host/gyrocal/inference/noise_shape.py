@@ -96,7 +96,7 @@ def beyond_color(current: AxisFit) -> float:
 
 
 def less_than_color(current: AxisFit) -> float:
-    """The variance of one sample's noise that block means lack of the fit's colour, dps^2, negative; 0 within one of its errors.
+    """The variance of one sample's noise that block means lack of the fit's colour, dps^2; 0 within one of its errors.
 
     No low-pass is an autoregression, whose level at low frequencies is then too high. Each value of a periodogram scatters by
     its expectation. More than the colour of the fit is left alone: it may be an effect.

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 from gyrocal.diagnosis.naming import candidates as naming
 from gyrocal.diagnosis.naming.beside import beside_sure
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.probability import OnAxis, decided, with_probabilities
+from gyrocal.diagnosis.naming.probability import OnAxis, decided, told_sets, with_probabilities
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.judged import on_axis
@@ -88,7 +88,7 @@ def diagnose(
     judged = decided(tested, _failing(comparison), lambda sure, others: beside_sure(sure, others, comparison))
     verdict = verdict_on(comparison, judged)
     unknown = _unknown(comparison) if verdict == "unknown" else None
-    return Diagnosis(verdict, judged, unknown, comparison, alternatives, tested)
+    return Diagnosis(verdict, judged, unknown, comparison, told_sets(alternatives, judged), tested)
 
 
 def _failing(comparison: Comparison) -> set[str]:

@@ -31,13 +31,15 @@ class OnAxis:
 
     axis: str
     found: Alternative
+    probability: float
+    """As it is stated."""
 
-    @property
-    def probability(self) -> float:
-        """The probability as it is stated."""
+    @staticmethod
+    def of(axis: str, found: Alternative) -> OnAxis:
+        """With the probability that the curve gives the set by itself."""
         from scipy.special import logit
 
-        return of_set(float(logit(min(self.found.probability, 1 - 1e-12))))
+        return OnAxis(axis, found, of_set(float(logit(min(found.probability, 1 - 1e-12)))))
 
     def to_json(self) -> dict[str, Any]:
         found = self.found
@@ -71,8 +73,28 @@ def with_probabilities(
             of_group = found.of_any(c.group) if len(c.group) > 1 else None
             c = replace(c, log_odds=log_odds, checks=checks, group_log_odds=of_group)
         out.append(c)
-    sets = [OnAxis(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
-    return out, [one for one in sets if one.probability >= TOLD]
+    sets = [OnAxis.of(axis, a) for axis, found in evidence.items() if found is not None for a in found.alternatives]
+    return out, sets
+
+
+def told_sets(sets: Sequence[OnAxis], candidates: Sequence[Candidate]) -> list[OnAxis]:
+    """The sets that have a probability worth telling beside the stated ones of the ``candidates``, best first.
+
+    The sets that hold an effect are together no more probable than the effect is said to be.
+    """
+    stated = {(c.effect.id, c.axis): c.probability for c in candidates if c.probability is not None}
+    sums: dict[tuple[str, str], float] = {}
+    for one in sets:
+        for key in ((effect, one.axis) for effect in one.found.effects):
+            sums[key] = sums.get(key, 0.0) + one.probability
+
+    def part(one: OnAxis) -> float:
+        keys = ((effect, one.axis) for effect in one.found.effects)
+        return min((min(1.0, stated[key] / sums[key]) for key in keys if key in stated), default=1.0)
+
+    told = [replace(one, probability=one.probability * part(one)) for one in sets]
+    axes = list(dict.fromkeys(one.axis for one in sets))
+    return sorted((one for one in told if one.probability >= TOLD), key=lambda one: (axes.index(one.axis), -one.probability))
 
 
 Beside = Callable[[Sequence[Candidate], Sequence[Candidate]], list[Candidate]]
