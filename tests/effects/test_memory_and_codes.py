@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.effects.base import effect, is_left_of_a_line
+from gyrocal.effects.base import effect
 from gyrocal.effects.byte_fault import carried, lost_carry
 from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.single_bits import single_power
 from gyrocal.effects.thermal_hysteresis import play_c

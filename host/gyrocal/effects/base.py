@@ -17,7 +17,7 @@ from enum import Enum, auto
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
 
 import numpy as np
 
@@ -97,6 +97,11 @@ class Effect(Described):
     session says of the effect is then judged by its columns' variation about bias and scale, not by their size."""
     stands_for: ClassVar[Role] = Role.BIAS
     """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
+    acts_on: ClassVar[Literal["own", "others", "all"]] = "own"
+    """The axes of which the table's rotation makes the readings wrong: the axis about which it turns ("own"), the other two
+    ("others"), or all three ("all")."""
+    fixed_by: ClassVar[str] = ""
+    """The column of a recording that makes the coefficients the same in all runs, which otherwise differ from run to run."""
     is_line: ClassVar[bool] = False
     """True if the effect is a line of constant frequency, which is judged against its neighbours in the spectrum too."""
     offered_as: ClassVar[str] = ""
@@ -126,10 +131,6 @@ class Effect(Described):
         """The next measurement beside these runs."""
         return self.measure_next
 
-    def unmeasured(self, run: Run, axis: int) -> Array | None:
-        """The course of the effect as far as it is known in a run without the effect's data, shape [n]; None if unknown."""
-        return None
-
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
         return ()
@@ -149,10 +150,6 @@ class Effect(Described):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
         return [dict.fromkeys(self.linear, 0.0)]
-
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        """The scope for these runs. For example, a wave of known phase is the same in all runs."""
-        return self.scope
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
@@ -192,13 +189,6 @@ class Effect(Described):
         """False if these runs hold nothing of the fitted ``values`` that a simpler effect does not do as well."""
         return True
 
-    def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
-        """Amplitude of the term's own line between these frequencies, deg/s; 0 if it has none.
-
-        It is that of the mean square over the runs. A filter may have weakened and delayed the line in the readings.
-        """
-        return 0.0
-
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
         """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
         return False
@@ -211,13 +201,6 @@ class Effect(Described):
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         """The fault of the reading that these values describe; None if they describe a term of the reading."""
         return None
-
-    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
-        """The size in words, where the names of the parameters do not say what they mean; else empty.
-
-        ``shown`` are the ``values`` as text, with their standard errors and units.
-        """
-        return ""
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """The linear parameters in use."""
@@ -255,25 +238,36 @@ class Effect(Described):
         """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
         return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
 
-    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
-        """The error that ``apply`` removes from the reading of an axis, shape [n], deg/s.
-
-        ``turning`` holds the same run once for each axis about which the model knows the scale, turning about that axis at its
-        own rate. The effect acts on the rate about its own axis unless a subclass says otherwise.
-        """
-        return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
-
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         """The term of single samples, as ``effects/<id>.c`` has it; None if it needs more than one sample."""
         return None
 
-    def axes(self, run: Run) -> tuple[int, ...]:
-        """The axes on which the simulator plants the effect by default."""
-        return (run.axis_index,)
-
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
         return self.columns(run, axis, values) @ self.coefficients(values)
+
+    @final
+    def scope_in(self, runs: Sequence[Run]) -> str:
+        """The scope for these runs. For example, a wave of known phase is the same in all runs."""
+        fixed = bool(self.fixed_by and runs) and all(r.column(self.fixed_by) is not None for r in runs)
+        return "session" if fixed else self.scope
+
+    @final
+    def axes(self, run: Run) -> tuple[int, ...]:
+        """The axes on which the simulator plants the effect by default."""
+        return tuple(i for i in range(3) if self.acts_on == "all" or (i == run.axis_index) == (self.acts_on == "own"))
+
+    @final
+    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
+        """The error that ``apply`` removes from the reading of an axis, shape [n], deg/s.
+
+        ``turning`` holds the same run once for each axis about which the model knows the scale, turning about that axis at its
+        own rate. An effect acts on the rate about its own axis, or on the sum of those about the others.
+        """
+        if self.acts_on != "others":
+            return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
+        others = [self.term(run, axis, values) for i, run in turning.items() if i != axis]
+        return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
 
 
 class OfEachRun(Effect):
@@ -358,16 +352,6 @@ def effect(effect_id: str) -> Effect:
 def with_role(role: Role) -> Effect:
     """The effect with this role in eq. (4)."""
     return next(kind for kind in effects().values() if kind.role is role)
-
-
-def is_left_of_a_line(
-    known: Sequence[tuple[Effect, Values]], runs: Sequence[Run], axis: int, frequency_hz: float, amplitude_dps: float
-) -> bool:
-    """True if a line is no larger than what the gyroscope's low-pass and delay leave of a line of a ``known`` term."""
-    return any(
-        amplitude_dps < POLICY.left_of_line * effect.line_dps(runs, axis, values, frequency_hz, frequency_hz)
-        for effect, values in known
-    )
 
 
 def elapsed_s(run: Run) -> Array:

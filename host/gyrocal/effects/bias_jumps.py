@@ -9,6 +9,7 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
+from gyrocal.effects.optional import InWords
 from gyrocal.effects.quantities import reading_error_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.effects.sampling_fault import stale
@@ -176,7 +177,7 @@ def outliers_of(run: Run, axis: int) -> Array:
     return out
 
 
-class BiasJumps(OfEachRun):
+class BiasJumps(OfEachRun, InWords):
     id = "bias_jumps"
     title = "Jumps of the bias"
     cause = (

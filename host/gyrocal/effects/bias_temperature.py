@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, REFERENCE_C, temperature_moves, temperature_noise, warming_c
 from gyrocal.recording.session import Array, Run
 
 POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
 
 
-class BiasTemperature(Effect):
+class BiasTemperature(Effect, CourseWithoutData):
     id = "bias_temperature"
     title = "Bias over temperature"
     cause = (
@@ -75,6 +76,7 @@ class BiasTemperature(Effect):
             return above_c * (k1 + above_c * (k2 + above_c * k3))
 
         return term
+
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         found, above_c = temperature_noise(run, samples), warming_c(run)
         if found is None:

@@ -61,6 +61,7 @@ class ByteFault(Effect):
         Parameter("below", "fraction", (0.125, 0.875), "part of the low bits' range that follows a carry", 0.5),
     )
     linear = ("step_dps",)
+    acts_on = "all"
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if np.isfinite(count_dps_of(runs, axis)) else "readings on a grid of counts, or lsb_dps in session.toml"
@@ -77,9 +78,6 @@ class ByteFault(Effect):
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         """A lost carry that was fitted has columns and a step for each reading. All else is a fault of single readings."""
         return None if "below" in values else self.fault
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
         return lost_carry(runs, axis) is not None

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values
+from gyrocal.effects.optional import OwnLine
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
@@ -23,7 +24,7 @@ LINE, LINE_HZ = 100.0, 0.2
 """Power of a line over the median of the spectrum, and the distance in Hz within which two lines are one."""
 
 
-class G2Sensitivity(Effect):
+class G2Sensitivity(Effect, OwnLine):
     id = "g2_sensitivity"
     title = "Rectified vibration"
     cause = (
@@ -86,6 +87,7 @@ class G2Sensitivity(Effect):
             return None
         x, y, z = (values.get(TOTAL, 0.0) + values.get(name, 0.0) for name in ALONG)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] ** 2 + y * acc_g[1] ** 2 + z * acc_g[2] ** 2
+
     def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
         """That of the whole squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
         whole = {name: value for name, value in values.items() if name != LOST}

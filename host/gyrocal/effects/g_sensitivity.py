@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
 from gyrocal.recording.session import Array, Run
 
@@ -15,7 +16,7 @@ COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
 LEAST_CHANGE_G = 0.05
 
 
-class GSensitivity(Effect):
+class GSensitivity(Effect, CourseWithoutData):
     id = "g_sensitivity"
     title = "Sensitivity to gravity and acceleration"
     cause = (
@@ -76,6 +77,7 @@ class GSensitivity(Effect):
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         x, y, z = (values.get(name, 0.0) for name in COMPONENTS)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] + y * acc_g[1] + z * acc_g[2]
+
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(COMPONENTS[name]),) for name in self.used(values)]
 

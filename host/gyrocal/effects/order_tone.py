@@ -209,6 +209,7 @@ class OrderTone(Tone):
         Parameter("phase_deg", "deg", (-180.0, 180.0), "the table's angle at the start", sized=False),
     )  # fmt: skip
     nonlinear = ("order",)
+    fixed_by = "table_angle_deg"
     rate_power = 0.0
     on_device = True
     law = Law({"order": 5.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(5*theta)")
@@ -221,10 +222,6 @@ class OrderTone(Tone):
     def holds_unknown(run: Run) -> bool:
         """True at rest: a tilt's or a magnet's tone then holds its value at the standing angle, which is not in the model."""
         return not run.rate_is_mean and not turns(run)
-
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        known = all(r.column("table_angle_deg") is not None for r in runs)
-        return "session" if known and runs else "run"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest line over the table's angle and other significant ones.

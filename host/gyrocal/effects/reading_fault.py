@@ -25,6 +25,7 @@ class ReadingFault(Effect):
     """A fault of the reading. It has no columns: :meth:`detect` finds it, :meth:`distort` plants it."""
 
     uncorrected = "the reading no longer contains what would be needed to undo it"
+    acts_on = "all"
     clips: ClassVar[bool] = False
     """True if this fault describes readings that stay at a limit."""
 
@@ -34,9 +35,6 @@ class ReadingFault(Effect):
     @property
     def fault(self) -> ReadingFault:
         return self
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))

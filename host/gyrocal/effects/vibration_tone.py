@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s, is_left_of_a_line
+from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s
+from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import harmonic_of_turn
 from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE

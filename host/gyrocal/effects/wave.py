@@ -109,6 +109,7 @@ class TableWave(Wave):
     """
 
     uncorrected = "it belongs to the turntable and not to the sensor"
+    fixed_by = "table_angle_deg"
     rate_power = 1.0
     orders: ClassVar[tuple[int, ...]]
     needs: ClassVar[str] = TURNING_AT_ALL
@@ -121,10 +122,6 @@ class TableWave(Wave):
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         shown = any(not r.rate_is_mean and np.any(self.size(r, axis)) for r in runs)
         return None if shown else self.needs
-
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        known = all(r.column("table_angle_deg") is not None for r in runs)
-        return "session" if known and runs else "run"
 
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """What is the same in each run: a phase that is free in each of them follows any course of a turn or two."""

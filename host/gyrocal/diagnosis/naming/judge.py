@@ -16,6 +16,7 @@ from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.mistaken import must_be_sure
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import OrderTone, swept_turns, turns
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
@@ -207,7 +208,7 @@ def without_mean(term: Term) -> bool:
 
 def not_measurable(current: Current, effect: Effect, lacking: str) -> Candidate:
     """A candidate whose data the session lacks (``lacking``, in words), with what is known of its course nevertheless."""
-    known = [effect.unmeasured(run, current.index) for run in current.runs]
+    known = [effect.unmeasured(run, current.index) if isinstance(effect, CourseWithoutData) else None for run in current.runs]
     signal = None
     if all(column is not None for column in known):
         means = [b.mean(np.asarray(c)[:, None])[:, 0] for b, c in zip(current.fit.design.blocks, known, strict=True)]
