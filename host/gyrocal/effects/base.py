@@ -62,6 +62,14 @@ class Law:
 
 
 @dataclass(frozen=True)
+class OneCycle:
+    """What a single power cycle shows of an effect, and what to measure next so that another one shows that it repeats."""
+
+    shows: str
+    measure_next: str
+
+
+@dataclass(frozen=True)
 class Case:
     """Planted values, and the parameters ``recovers`` that a fit must find on ``axis`` in a simulated ``campaign``."""
 
@@ -111,7 +119,9 @@ class Effect(Described):
     is_gain: ClassVar[bool] = False
     """True if the term is a fixed part of the true rates: an element of the matrix from these to the readings."""
     requires: ClassVar[tuple[str, ...]] = ()
-    """The columns of a recording and keys of its run without which the effect cannot be computed, for ``apply``."""
+    """The columns of a recording and keys of its run without which the effect can be neither shown nor removed."""
+    one_cycle: ClassVar[OneCycle | None] = None
+    """What is said of an effect that should repeat in each power cycle where one alone was recorded."""
     law: ClassVar[Law | None] = None
     cases: ClassVar[tuple[Case, ...]] = ()
 
@@ -121,15 +131,7 @@ class Effect(Described):
 
     def lacks(self, run: Run) -> bool:
         """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
-        return False
-
-    def cause_in(self, runs: Sequence[Run]) -> str:
-        """The cause, or what these runs show of it if they cannot show that the effect repeats."""
-        return self.cause
-
-    def measure_next_in(self, runs: Sequence[Run]) -> str:
-        """The next measurement beside these runs."""
-        return self.measure_next
+        return not all(map(run.has, self.requires))
 
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
@@ -247,6 +249,18 @@ class Effect(Described):
         return self.columns(run, axis, values) @ self.coefficients(values)
 
     @final
+    def cause_in(self, runs: Sequence[Run]) -> str:
+        """The cause, or what these runs show of it if they cannot show that the effect repeats."""
+        return self.one_cycle.shows if self.one_cycle and in_one_power_cycle(runs) else self.cause
+
+    @final
+    def measure_next_in(self, runs: Sequence[Run]) -> str:
+        """The next measurement beside these runs."""
+        if self.one_cycle and in_one_power_cycle(runs):
+            return f"{self.one_cycle.measure_next}; {self.measure_next}"
+        return self.measure_next
+
+    @final
     def scope_in(self, runs: Sequence[Run]) -> str:
         """The scope for these runs. For example, a wave of known phase is the same in all runs."""
         fixed = bool(self.fixed_by and runs) and all(r.column(self.fixed_by) is not None for r in runs)
@@ -352,6 +366,15 @@ def effect(effect_id: str) -> Effect:
 def with_role(role: Role) -> Effect:
     """The effect with this role in eq. (4)."""
     return next(kind for kind in effects().values() if kind.role is role)
+
+
+def in_one_power_cycle(runs: Sequence[Run]) -> bool:
+    """True if the runs that know their time since power-on, or all if none does, are of one power cycle.
+
+    One power cycle cannot show that anything repeats.
+    """
+    known = [run for run in runs if run.power_on_s is not None] or runs
+    return len({run.scenario for run in known}) == 1
 
 
 def elapsed_s(run: Run) -> Array:

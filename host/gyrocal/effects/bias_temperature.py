@@ -54,9 +54,6 @@ class BiasTemperature(Effect, CourseWithoutData):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [dict.fromkeys(self.linear[:order], 0.0) for order in (1, 2, 3)]
 
-    def lacks(self, run: Run) -> bool:
-        return run.temp_c is None
-
     def unmeasured(self, run: Run, axis: int) -> Array | None:
         """The temperature [n] about its mean: it hardly moves, but with a large coefficient the readings may follow it.
 

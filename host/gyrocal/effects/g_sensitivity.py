@@ -61,9 +61,6 @@ class GSensitivity(Effect, CourseWithoutData):
         names = self._moving(runs) or list(self.linear)
         return [dict.fromkeys(chosen, 0.0) for k in range(1, len(names) + 1) for chosen in combinations(names, k)]
 
-    def lacks(self, run: Run) -> bool:
-        return run.acc_g is None
-
     def unmeasured(self, run: Run, axis: int) -> Array | None:
         """Gravity along the table's axis, of which the face says the sign."""
         return np.full(len(run), run.face_sign) if run.acc_g is None else None

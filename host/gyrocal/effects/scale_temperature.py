@@ -45,9 +45,6 @@ class ScaleTemperature(Effect):
             return TURNING
         return None if temperature_moves(runs) else MOVING_TEMPERATURE
 
-    def lacks(self, run: Run) -> bool:
-        return run.temp_c is None
-
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(warming_c(run) * rate_about(run, axis))
 
