@@ -116,22 +116,22 @@ def calibration_of(
             continue
         if kind.role is not None:
             continue
-        if not all(name in term.values for name in kind.nonlinear) or not kind.used(term.values):
+        if not all(name in term.values for name in kind.nonlinear) or not kind.coding.used(term.values):
             raise InputError(f"model {model.name}: {kind.id} on {axis} has no values; fit it with `gyrocal add`")
         mean = (
-            kind.coefficients(term.values)
+            kind.coding.coefficients(term.values)
             if kind.scope == "session" or kind.common_mean
-            else np.zeros(kind.spread(term.values).size)
+            else np.zeros(kind.coding.spread(term.values).size)
         )
         if isinstance(kind, TimingEffect):  # its column is a derivative about its value
             mean = np.zeros(mean.size)
-        spread = kind.spread(term.values)
+        spread = kind.coding.spread(term.values)
         se = (
-            kind.spread({n: term.se.get(n, 0.0) for n in term.values})
+            kind.coding.spread({n: term.se.get(n, 0.0) for n in term.values})
             if kind.scope == "run" and not kind.common_mean
             else _se(kind, term.values, term.se)
         )
-        ranges = {n: kind.parameter(n).typical[1] for n in kind.used(term.values)}
+        ranges = {n: kind.parameter(n).typical[1] for n in kind.coding.used(term.values)}
         typical = [size if np.isfinite(size) else abs(term.values[n]) for n, size in ranges.items()]  # a formula's has none
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
@@ -173,7 +173,7 @@ def alternative_values(term: Term, count: int) -> list[Values]:
 
 
 def _se(kind: Effect, values: Values, se: Values) -> Array:
-    return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.used(values)])
+    return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.coding.used(values)])
 
 
 def _prior_of_bias(model: Model, axis: str) -> tuple[float, float]:

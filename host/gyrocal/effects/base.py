@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
 
 import numpy as np
 
+from gyrocal.effects.coding import Coding
 from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.policy import POLICY
@@ -97,7 +98,12 @@ class Effect(Described):
     shown_against: ClassVar[str] = ""
     """The variable against which a picture shows it, if it is a function of none over all runs."""
     role: ClassVar[Role | None] = None
+    chosen: ClassVar[tuple[str, ...]] = ()
+    """Parameters of which :meth:`variants` chooses the values and a fit leaves them as they are."""
     on_device: ClassVar[bool] = False
+    device_columns: ClassVar[Mapping[str, int]] = {}
+    """The first argument of ``effects/<id>.c`` for the column of each linear parameter, if the file has several columns. A
+    parameter that is not among them has none on the device."""
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
     origin_free: ClassVar[bool] = False
@@ -204,41 +210,10 @@ class Effect(Described):
         """The fault of the reading that these values describe; None if they describe a term of the reading."""
         return None
 
-    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """The linear parameters in use."""
-        return tuple(name for name in self.linear if name in values)
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        """The start of another fit from fitted values: the nonlinear values, and the linear names in use set to zero."""
-        return dict.fromkeys(self.used(values), 0.0) | {n: values[n] for n in self.nonlinear if n in values}
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        """Linear coefficients [k] from values; the mean over runs if the runs differ."""
-        return np.array([values[name] for name in self.used(values)])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        """Named linear parameters from coefficients [k]; ``values`` determines which are in use."""
-        return dict(zip(self.used(values), map(float, coefficients), strict=True))
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        """Standard deviation of each coefficient over the runs, shape [k]; zero if the effect is the same in all runs."""
-        return np.array([values.get(f"{name}_sd", 0.0) for name in self.used(values)])
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """The parameters of spreads [k]: the inverse of :meth:`spread`."""
-        return {f"{name}_sd": float(sd) for name, sd in zip(self.used(values), spread, strict=True)}
-
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        """The index of each column's spread. Columns that share a spread have the same index (a cosine and its sine)."""
-        return list(range(len(self.used(values))))
-
-    def runs_on_device(self, values: Mapping[str, float]) -> bool:
-        """True if ``effects/<id>.c`` has every column of these values."""
-        return self.on_device
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
-        return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
+    @property
+    def coding(self) -> Coding:
+        """How named values become the coefficients of the columns, and back."""
+        return Coding(self.linear)
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         """The term of single samples, as ``effects/<id>.c`` has it; None if it needs more than one sample."""
@@ -246,7 +221,30 @@ class Effect(Described):
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
-        return self.columns(run, axis, values) @ self.coefficients(values)
+        return self.columns(run, axis, values) @ self.coding.coefficients(values)
+
+    @final
+    def structure(self, values: Mapping[str, float]) -> Values:
+        """The start of another fit from fitted values: nonlinear and chosen values, and the linear names in use set to zero.
+
+        It is empty where the values describe a fault of the reading, which is detected again.
+        """
+        if self.fault_of(values) is not None:
+            return {}
+        nonlinear = {name: values[name] for name in self.nonlinear if name in values}
+        return dict.fromkeys(self.coding.used(values), 0.0) | nonlinear | {name: values.get(name, 0.0) for name in self.chosen}
+
+    @final
+    def runs_on_device(self, values: Mapping[str, float]) -> bool:
+        """True if ``effects/<id>.c`` has every column of these values."""
+        return self.on_device and (not self.device_columns or self.device_columns.keys() >= set(self.coding.used(values)))
+
+    @final
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        """The arguments of ``effects/<id>.c`` for each column: its number, nonlinear values, cosine or sine of a wave."""
+        first = {name: (float(number),) for name, number in self.device_columns.items()}
+        shared, coding = tuple(values[name] for name in self.nonlinear), self.coding
+        return [(*first.get(name, ()), *shared, *part) for name in coding.used(values) for part in coding.parts]
 
     @final
     def cause_in(self, runs: Sequence[Run]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.coding import Coding
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.optional import InWords
 from gyrocal.effects.quantities import reading_error_dps
@@ -177,6 +178,25 @@ def outliers_of(run: Run, axis: int) -> Array:
     return out
 
 
+class _UpOrDown(Coding):
+    """The steps of a run's jumps, which are up or down by one size."""
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
+        return {"size_dps": float(np.mean(coefficients))}
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {"size_dps": float(spread[0])}
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0] * MOST
+
+
 class BiasJumps(OfEachRun, InWords):
     id = "bias_jumps"
     title = "Jumps of the bias"
@@ -194,7 +214,7 @@ class BiasJumps(OfEachRun, InWords):
         Parameter("first", "fraction of the run", (0.2, 0.8), "time of the first jump, which can be any"),
         Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
     )
-    linear = ("size_dps",)
+    linear, chosen = ("size_dps",), ("n",)
     shown_against = "time"
 
     def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
@@ -216,10 +236,6 @@ class BiasJumps(OfEachRun, InWords):
 
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         return self.fault if values.get("outliers", 0.0) > 0 else None
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        """The start of another fit is empty: jumps are counted, not fitted, and outliers are detected again."""
-        return {} if self.fault_of(values) else super().structure(values) | {"n": values.get("n", 0.0)}
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
@@ -246,20 +262,9 @@ class BiasJumps(OfEachRun, InWords):
             out[row:, k] = 1.0
         return out
 
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0] * MOST
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(np.mean(coefficients))}
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(spread[0])}
+    @property
+    def coding(self) -> Coding:
+        return _UpOrDown(self.linear)
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Alternating jumps, shape [n], deg/s, evenly spaced from the first jump to the end of the run."""

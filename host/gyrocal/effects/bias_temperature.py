@@ -41,7 +41,7 @@ class BiasTemperature(Effect, CourseWithoutData):
     )
     linear = tuple(POWERS)
     origin_free = True
-    on_device = True
+    on_device, device_columns = True, POWERS
     law = Law(
         {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
         "(temp_c - 25)*(0.01 + (temp_c - 25)*(-3e-4 + (temp_c - 25)*2e-6))",
@@ -63,7 +63,7 @@ class BiasTemperature(Effect, CourseWithoutData):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         above_c = warming_c(run)
-        return stack(*(above_c ** POWERS[name] for name in self.used(values)))
+        return stack(*(above_c ** POWERS[name] for name in self.coding.used(values)))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         k1, k2, k3 = (values.get(name, 0.0) for name in POWERS)
@@ -78,8 +78,5 @@ class BiasTemperature(Effect, CourseWithoutData):
         found, above_c = temperature_noise(run, samples), warming_c(run)
         if found is None:
             return None
-        slopes = (POWERS[name] * above_c ** (POWERS[name] - 1) for name in self.used(values))
+        slopes = (POWERS[name] * above_c ** (POWERS[name] - 1) for name in self.coding.used(values))
         return stack(*(found[0] * slope**2 for slope in slopes)), found[1]
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(POWERS[name]),) for name in self.used(values)]

@@ -60,7 +60,7 @@ class ByteFault(Effect):
         Parameter("fraction", "fraction", (0.001, 1.0), "1 if each carry is lost, less if it depends on the time", 1.0),
         Parameter("below", "fraction", (0.125, 0.875), "part of the low bits' range that follows a carry", 0.5),
     )
-    linear = ("step_dps",)
+    linear, chosen = ("step_dps",), ("bit", "below", "fraction")
     acts_on = "all"
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
@@ -88,9 +88,6 @@ class ByteFault(Effect):
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         return len(BITS) * len(BELOW)
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        return {} if self.fault_of(values) else dict(values)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         count_dps = count_dps_of([run], axis)

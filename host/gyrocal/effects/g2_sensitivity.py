@@ -52,7 +52,7 @@ class G2Sensitivity(Effect, OwnLine):
         for name, default in ((TOTAL, 0.01), *((name, 0.0) for name in (*ALONG, LOST)))
     )  # fmt: skip
     linear = (TOTAL, *ALONG, LOST)
-    on_device = True
+    on_device, device_columns = True, {TOTAL: ALL, **ALONG}  # what a low-pass takes away needs the samples of a second
     origin_free = True  # gravity alone is a constant
     law = Law({TOTAL: 0.01, "kx_dps_per_g2": 0.002}, "0.01*(ax**2 + ay**2 + az**2) + 0.002*ax**2")
     cases = (Case({TOTAL: 0.01}, (TOTAL,), "shaker"),)
@@ -78,9 +78,9 @@ class G2Sensitivity(Effect, OwnLine):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)
         if acc_g is None:
-            return np.zeros((len(run), len(self.used(values))))
+            return np.zeros((len(run), len(self.coding.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1), -_fast_g2(run)])
-        return np.asarray(squares[:, [{**ALONG, LOST: FAST}.get(name, ALL) for name in self.used(values)]])
+        return np.asarray(squares[:, [{**ALONG, LOST: FAST}.get(name, ALL) for name in self.coding.used(values)]])
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         if not self.runs_on_device(values):
@@ -101,12 +101,6 @@ class G2Sensitivity(Effect, OwnLine):
             ratios.append(float(power[near].max(initial=0.0)) / max(float(np.median(power)), 1e-300))
             squares.append(4 * float(power[near].sum()) / (len(run) * float(window @ window)))
         return float(np.sqrt(np.mean(squares))) if max(ratios, default=0.0) > LINE else 0.0
-
-    def runs_on_device(self, values: Mapping[str, float]) -> bool:
-        return LOST not in values  # what the low-pass takes away needs the samples of a second
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""

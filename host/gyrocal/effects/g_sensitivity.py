@@ -45,7 +45,7 @@ class GSensitivity(Effect, CourseWithoutData):
     )
     linear = tuple(COMPONENTS)
     origin_free = True
-    on_device = True
+    on_device, device_columns = True, COMPONENTS
     law = Law(
         {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05}, "0.01*ax - 0.02*ay + 0.05*az"
     )
@@ -68,15 +68,12 @@ class GSensitivity(Effect, CourseWithoutData):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)
         if acc_g is None:
-            return np.zeros((len(run), len(self.used(values))))
-        return stack(*(acc_g[:, COMPONENTS[name]] for name in self.used(values)))
+            return np.zeros((len(run), len(self.coding.used(values))))
+        return stack(*(acc_g[:, COMPONENTS[name]] for name in self.coding.used(values)))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         x, y, z = (values.get(name, 0.0) for name in COMPONENTS)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] + y * acc_g[1] + z * acc_g[2]
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(COMPONENTS[name]),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """Components whose mean over a tenth of a run changes by more than the noise between or within runs, with the pose."""

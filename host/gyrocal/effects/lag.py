@@ -46,7 +46,7 @@ class Lag(TimingEffect):
             sized=False,
         ),
     )
-    linear = ("tau_s",)
+    linear, chosen = ("tau_s",), ("order",)
     law = Law({"tau_s": 0.004}, None, degree=1)
 
     def contradicted(self, values: Values, explained: float | None) -> bool:
@@ -58,9 +58,6 @@ class Lag(TimingEffect):
         found = SamplingFault().detect(runs, axis)
         late = 0.0 if found is None else SamplingFault.late_samples(found.values)
         return abs(values["tau_s"]) < POLICY.late_repeats * late / runs[0].sample_rate_hz
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        return super().structure(values) | {"order": values.get("order", 0.0)}
 
     def shapes(self, values: Mapping[str, float]) -> list[Values]:
         return [{**values, "order": order} for order in (0.0, 1.0)]

@@ -53,9 +53,9 @@ class Misalignment(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.three_axes:
-            return stack(*(_others_dps(run, axis, ABOUT[name]) for name in self.used(values)))
+            return stack(*(_others_dps(run, axis, ABOUT[name]) for name in self.coding.used(values)))
         rate_dps = np.zeros(len(run)) if axis == run.axis_index else true_rate_dps(run)
-        return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
+        return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.coding.used(values)))
 
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
         """The other axes about which the table turns. A turn of known angle shows the leak by its mean rate."""

@@ -48,7 +48,7 @@ class TableRipple(TableWave):
     phases = tuple(f"phase_{k}_deg" for k in ORDERS)
     orders = ORDERS
     needs = TURNING
-    on_device = True
+    on_device, device_columns = True, dict(zip(linear, ORDERS, strict=True))
     offered_as = "a ripple of the turntable"
     law = Law({"amplitude_2": 0.002, "phase_2_deg": 90.0}, "-rate*0.002*sin(2*theta)", degree=1)
 

@@ -99,7 +99,7 @@ def _worst_known(diagnosis: Diagnosis) -> tuple[str, str, float] | None:
     found = [
         (abs(term.se[name] / term.values[name]), term.effect_id, term.axis)
         for term in diagnosis.comparison.fit.model.terms
-        for name in term.effect.used(term.values)
+        for name in term.effect.coding.used(term.values)
         if term.axis == session.axis and _plannable(term.effect) and term.se.get(name) and term.values.get(name)
     ]
     if not found:

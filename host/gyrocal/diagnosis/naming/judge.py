@@ -202,7 +202,7 @@ def _with(fit: AxisFit, term: Term) -> AxisFit:
 
 def without_mean(term: Term) -> bool:
     """True if an effect that should have a common mean over the runs has none that differs from zero."""
-    mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
+    mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.coding.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)
 
 
