@@ -202,8 +202,8 @@ def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
     w_dps = 70 * np.sin(2 * np.pi * 0.3 * np.arange(6000) / 100)
     noisy = w_dps + rng.normal(0, 0.0125, w_dps.size)
     lost = np.where(np.abs(w_dps) < 0.6, noisy - w_dps, noisy)
-    assert effect("dead_band").shows([swinging(make_run, lost, w_dps)], 2, 1.0)
-    assert not effect("dead_band").shows([swinging(make_run, noisy, w_dps)], 2, 1.0)
+    assert effect("dead_band").tried_on([swinging(make_run, lost, w_dps)], 2, 1.0) == "samples"
+    assert effect("dead_band").tried_on([swinging(make_run, noisy, w_dps)], 2, 1.0) is None
 
 
 def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:

@@ -17,7 +17,7 @@ from enum import Enum, auto
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, final
 
 import numpy as np
 
@@ -32,13 +32,16 @@ if TYPE_CHECKING:
     from gyrocal.effects.reading_fault import ReadingFault
 
 __all__ = [
-    "AtSample", "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s",
-    "load", "stack", "table_angle_rad", "with_role",
+    "AtSample", "Case", "Effect", "Law", "Looks", "Mask", "OfEachRun", "OneCycle", "Parameter", "Role", "Tried", "Values",
+    "effect", "effects", "elapsed_s", "load", "stack", "table_angle_rad", "with_role",
 ]
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 AtSample = Callable[[Any, Any, Any, Any], Any]
 """A term, deg/s, of (rate, dps; temp_c; power_on_s; the three accelerations, g), each a number or an array [n]."""
+
+Tried = Literal["blocks", "samples"] | None
+"""The data to which a candidate is fitted; None if no fit is tried."""
 
 
 class Role(Enum):
@@ -60,6 +63,15 @@ class Law:
     reads: str | None
     degree: int = 0
     even: bool = False
+
+
+class Looks(NamedTuple):
+    """What an effect has chosen from the readings before it is fitted."""
+
+    shapes: int
+    """The number of independent shapes from which ``variants`` has chosen, for the correction of the significance."""
+    values: int = 0
+    """The number of values that the columns have taken from the readings, which count as parameters."""
 
 
 @dataclass(frozen=True)
@@ -159,24 +171,19 @@ class Effect(Described):
         """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
         return [dict.fromkeys(self.linear, 0.0)]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
-        return len(self.variants(runs, axis))
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        """How much of the effect has been chosen from the readings of these runs before a fit."""
+        return Looks(len(self.variants(runs, axis)))
 
-    def picked(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of values that the columns have taken from the readings of these runs, which count as parameters."""
-        return 0
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """The data to which a candidate is fitted: samples if means over blocks of a tenth of a second lose the effect.
 
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
-        return self.fast
-
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False if the readings rule the effect out at first sight, so that no fit is tried.
-
-        ``line_chance`` is the probability that noise produces the strongest line in the spectrum of the model's residual.
+        None if the readings rule the effect out at first sight, so that no fit is tried. ``line_chance`` is the probability
+        that noise produces the strongest line in the spectrum of the model's residual.
         """
-        return not self.fast or line_chance <= POLICY.false_discovery_rate
+        if not self.fast:
+            return "blocks"
+        return "samples" if line_chance <= POLICY.false_discovery_rate else None
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         """The first step of a nonlinear parameter's refinement, in its logarithm."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Looks, OfEachRun, Parameter, Tried, Values, elapsed_s
 from gyrocal.effects.coding import Coding
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.optional import InWords
@@ -241,19 +241,16 @@ class BiasJumps(OfEachRun, InWords):
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
         return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False if the jumps are in proportion to the rate or at the same times in several runs: the bias knows of neither."""
-        return not follow_the_rate(runs, axis) and not repeat_in_runs(runs, axis)
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """Not tried if the jumps are in proportion to the rate or at the same times in several runs: a bias does neither."""
+        return None if follow_the_rate(runs, axis) or repeat_in_runs(runs, axis) else "blocks"
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of times from which the jumps were chosen."""
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        """The times from which those of the jumps were chosen."""
         steady = [r for r in runs if not r.rate_is_mean]
         moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
-        return max(1, moments) ** min(20, self.picked(runs, axis))
-
-    def picked(self, runs: Sequence[Run], axis: int) -> int:
-        """The time of each jump."""
-        return sum(len(jumps(r, axis)) for r in runs)
+        found = sum(len(jumps(r, axis)) for r in runs)
+        return Looks(max(1, moments) ** min(20, found), found)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """One step function for each jump in this run, shape [n, MOST]; unused columns are zero."""

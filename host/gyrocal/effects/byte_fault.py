@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
+from gyrocal.effects.base import Effect, Looks, Mask, Parameter, Tried, Values, stack
 from gyrocal.effects.quantities import rate_about
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.effects.single_bits import BITS, apart_of, codes_of, count_dps_of, noise_of, single_power
@@ -79,15 +79,15 @@ class ByteFault(Effect):
         """A lost carry that was fitted has columns and a step for each reading. All else is a fault of single readings."""
         return None if "below" in values else self.fault
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        return lost_carry(runs, axis) is not None
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        return None if lost_carry(runs, axis) is None else "blocks"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         carry = lost_carry(runs, axis) or Carry(7, 0.5, 1.0, 0.0)
         return [{"bit": float(carry.bit), "below": carry.below, "fraction": carry.fraction, "step_dps": 0.0}]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return len(BITS) * len(BELOW)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(len(BITS) * len(BELOW))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         count_dps = count_dps_of([run], axis)

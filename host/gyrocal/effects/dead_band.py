@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Mask, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Looks, Mask, Parameter, Tried, Values, stack
 from gyrocal.effects.quantities import rate_about
 from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
@@ -67,11 +67,11 @@ class DeadBand(Effect):
         best = int(np.argmax(scores))
         return [{"width_dps": WIDTHS_DPS[k], "depth": 0.0} for k in range(max(0, best - 1), min(len(WIDTHS_DPS), best + 2))]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return len(WIDTHS_DPS)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(len(WIDTHS_DPS))
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        return float(_scores(runs, axis).max()) > FIRST_SIGHT
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        return "samples" if float(_scores(runs, axis).max()) > FIRST_SIGHT else None
 
     def contradicted(self, values: Values, explained: float | None) -> bool:
         """True if small rates are not lost for the most part, or reversed: the error in this range is another effect's."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.base import Case, Effect, Law, Looks, Parameter, Tried, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.earth_rate import may_be_in_plane
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import LEAST_RUNS, ONE_RATE, TableWave, Tone
@@ -235,16 +235,17 @@ class OrderTone(Tone):
         peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
         if _few_turns(runs):
-            return len(WHOLE) + round(HIGHEST * swept_turns(runs))
-        return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
+            return Looks(len(WHOLE) + round(HIGHEST * swept_turns(runs)))
+        return Looks(max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size)))
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """The line that counts is the strongest one over the table's angle. Over few turns there is no spectrum of it."""
         if _few_turns(runs):
-            return True
+            return super().tried_on(runs, axis, 0.0)
         peaks = _lines(runs, axis)
-        return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
+        return super().tried_on(runs, axis, peaks[0].chance) if peaks else None
 
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         return values["order"] * max(float(np.abs(r.rate_dps).max()) for r in runs) / 360

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Effect, Law, Looks, Parameter, Values, elapsed_s
 from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import harmonic_of_turn
 from gyrocal.effects.wave import Tone
@@ -68,8 +68,8 @@ class VibrationTone(Tone):
         peaks = tops[np.argsort(power[tops])[::-1][:PEAKS]]
         return [{"f_hz": float(frequency_hz[k]), "A_dps": 0.0} for k in peaks]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return int(_power(runs, axis)[0].size)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(int(_power(runs, axis)[0].size))
 
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         return values["f_hz"]

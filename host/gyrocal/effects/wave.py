@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Values, stack, table_angle_rad
+from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Tried, Values, stack, table_angle_rad
 from gyrocal.effects.coding import Coding
 from gyrocal.effects.mistaken import same_in_each_run
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL, unit_wave
@@ -95,9 +95,12 @@ class Tone(Wave):
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         """The highest frequency that the tone has in these runs, Hz."""
 
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        """True if block means lose the strongest line. Fits to samples and to block means cannot be compared as rivals."""
-        return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis)[:1])
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """Samples if block means lose the strongest line. Fits to samples and to block means cannot be compared as rivals."""
+        if super().tried_on(runs, axis, line_chance) is None:
+            return None
+        lost = any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis)[:1])
+        return "samples" if lost else "blocks"
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """The wave, shape [n]. A sine is a cosine a quarter of a period earlier."""

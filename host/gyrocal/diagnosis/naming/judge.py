@@ -72,12 +72,13 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(effect, current.axis, "reject")
     peak = current.comparison.spectra[current.axis].peak()
     line_chance = 1.0 if peak is None else peak.chance
-    if not effect.shows(current.runs, current.index, line_chance):
+    tried_on = effect.tried_on(current.runs, current.index, line_chance)
+    if tried_on is None:
         return Candidate(effect, current.axis, "reject")
     # the noise of samples is coloured, so a line of constant frequency is judged against its neighbours in the spectrum
     least_chance = line_chance if effect.is_line else 0.0
     blocks = current
-    if effect.needs_samples(current.runs, current.index):
+    if tried_on == "samples":
         current = current.of_samples()
     next_one = effect.measure_next_in(current.runs)
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
@@ -87,7 +88,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     term = fitted.terms[-1]
     parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
-    chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
+    chance = max(least_chance, min(1.0, looks.shapes * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
     unseen = not effect.observable(term.values, current.runs)
     another = unseen or effect.repeats(term.values, current.runs, current.index, known)
@@ -95,7 +96,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(
             effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=another
         )  # fmt: skip
-    parameters += effect.picked(current.runs, current.index)
+    parameters += looks.values
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)

@@ -153,7 +153,7 @@ def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current,
     """True if the set without the member explains the session worse on held-out data, and significantly worse in sample."""
     if not _certain(whole.gains - rest.gains, POLICY.member_errors):
         return False
-    looks = member.looks(current.runs, current.index)
+    looks = member.looks(current.runs, current.index).shapes
     chance = likelihood_ratio(rest.fitted, whole.fitted, max(1, whole.parameters - rest.parameters))[1]
     return looks * chance * tested < POLICY.name_alarm
 
