@@ -33,7 +33,7 @@ def likeliest_dps(runs: list[Run]) -> float:
 
 
 def error_dps(runs: list[Run], width_dps: float) -> float:
-    return effect("dead_band").resolution("width_dps", {"width_dps": width_dps, "depth": 1.0}, runs, 2)
+    return effect("dead_band").refinement("width_dps", {"width_dps": width_dps, "depth": 1.0}, runs, 2).resolution
 
 
 @pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])

@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import pkgutil
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from gyrocal.effects.reading_fault import ReadingFault
 
 __all__ = [
-    "AtSample", "Case", "Effect", "Law", "Looks", "Mask", "OfEachRun", "OneCycle", "Parameter", "Role", "Tried", "Values",
-    "effect", "effects", "elapsed_s", "load", "stack", "table_angle_rad", "with_role",
+    "AtSample", "Case", "Effect", "Law", "Looks", "Mask", "Objection", "OfEachRun", "OneCycle", "Parameter", "Refinement",
+    "Role", "Tried", "Values", "effect", "effects", "elapsed_s", "load", "stack", "table_angle_rad", "with_role",
 ]
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -63,6 +63,28 @@ class Law:
     reads: str | None
     degree: int = 0
     even: bool = False
+
+
+class Objection(Enum):
+    """What speaks against an effect whose fit may be good."""
+
+    UNSEEN = auto()
+    """The runs hold nothing of it that a simpler effect does not do as well."""
+    REPEATS = auto()
+    """It is what an imperfect fit of a known effect leaves over."""
+    CONTRADICTED = auto()
+    """Its values contradict what the effect is."""
+    MINOR = auto()
+    """Its values contradict what the effect is, unless it is the main cause of the excess."""
+
+
+class Refinement(NamedTuple):
+    """How finely a nonlinear parameter is searched."""
+
+    step: float = 0.3
+    """The first step, in the parameter's logarithm."""
+    resolution: float = 0.0
+    """The part of its standard error that comes from the spacing of the samples, even without noise."""
 
 
 class Looks(NamedTuple):
@@ -185,28 +207,15 @@ class Effect(Described):
             return "blocks"
         return "samples" if line_chance <= POLICY.false_discovery_rate else None
 
-    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
-        """The first step of a nonlinear parameter's refinement, in its logarithm."""
-        return 0.3
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
+        """How finely a nonlinear parameter is searched from these values on."""
+        return Refinement()
 
-    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
-        """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
-        return 0.0
-
-    def contradicted(self, values: Values, explained: float | None) -> bool:
-        """True if the fitted ``values`` contradict what the effect is, although the fit is good.
-
-        ``explained`` is the part of the excess that the fit explains, None if it is not known.
-        """
-        return False
-
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """False if these runs hold nothing of the fitted ``values`` that a simpler effect does not do as well."""
-        return True
-
-    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
-        """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
-        return False
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """What speaks against the fitted ``values``, although the fit may be good; ``known`` are other effects with theirs."""
+        return ()
 
     @property
     def fault(self) -> ReadingFault | None:

@@ -109,5 +109,5 @@ def _nonlinear_errors(current: AxisFit, i: int, of: Joint) -> Values:
     errors = of.errors(lambda _, log_values: np.exp(log_values[mine])) if mine else np.zeros(0)
     term, runs = current.design.terms[i], [b.run for b in current.design.blocks]
     names = [of.nonlinear[k][1] for k in mine]
-    spacing = [term.effect.resolution(name, term.values, runs, current.design.axis) for name in names]
+    spacing = [term.effect.refinement(name, term.values, runs, current.design.axis).resolution for name in names]
     return {name: float(max(e / 3**0.5, s) if s else e) for name, e, s in zip(names, errors, spacing, strict=True)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
-from gyrocal.effects.base import Effect, Mask
+from gyrocal.effects.base import Effect, Mask, Objection
 from gyrocal.effects.mistaken import must_be_sure
 from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import OrderTone, swept_turns, turns
@@ -90,8 +90,8 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks.shapes * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
-    unseen = not effect.observable(term.values, current.runs)
-    another = unseen or effect.repeats(term.values, current.runs, current.index, known)
+    objections = set(effect.objections(term.values, current.runs, current.index, known))
+    another = not objections.isdisjoint((Objection.UNSEEN, Objection.REPEATS))
     if chance > unless or another:
         return Candidate(
             effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=another
@@ -105,7 +105,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
-        or effect.contradicted(term.values, excess.part)
+        or contradicts(objections, excess.part)
         or (effect.is_line and line_of_reference(blocks.comparison.fit, blocks.axis, term.values["f_hz"], term.values["A_dps"]))
         or (chance < POLICY.false_discovery_rate and _outdone(current.fit, fitted, effect))
         or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
@@ -117,6 +117,12 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not contradicted,
         gain_noise=_gain_noise(fitted), contradicted=contradicted,
     )  # fmt: skip
+
+
+def contradicts(objections: Collection[Objection], explained: float | None) -> bool:
+    """True if fitted values contradict what the effect is; some do only where it explains less than a main cause."""
+    main = explained is not None and explained >= POLICY.main_cause
+    return Objection.CONTRADICTED in objections or (Objection.MINOR in objections and not main)
 
 
 def added_parameters(current: AxisFit, fitted: AxisFit) -> int:

@@ -22,7 +22,7 @@ from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.judge import added_parameters, judge
 from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, Objection
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
@@ -138,7 +138,7 @@ def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | No
     fitted = finish(reweighed(refine(fitted)))
     for effect, term in zip(members, fitted.terms[-len(members) :], strict=True):
         physical = in_range(Candidate(effect, current.axis, "reject", term.values))
-        if not physical or not effect.observable(term.values, current.runs):
+        if not physical or Objection.UNSEEN in effect.objections(term.values, current.runs, current.index, ()):
             return None
     return fitted
 
