@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gyrocal.effects.base import Effect, Role, Values
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.error_model.model import Model, Term
@@ -62,7 +62,7 @@ class Calibration:
     """(mean, sd) of the priors, flat if the sd is infinite."""
     noise: Noise
     alternatives: int = 0
-    faults: tuple[tuple[ReadingFault, Values], ...] = ()
+    faults: tuple[tuple[Fault, Values], ...] = ()
     """Faults of the reading. Blocks with these faults are not used."""
     fitted_on: FittedOn = field(default_factory=FittedOn)
     """What the priors were fitted on. Columns see temperatures beyond its range as the nearest end of the range."""
@@ -108,7 +108,7 @@ def calibration_of(
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
     spread_terms: list[tuple[Term, Column]] = []
-    faults: list[tuple[ReadingFault, Values]] = []
+    faults: list[tuple[Fault, Values]] = []
     for term in model.on(axis):
         kind = term.effect
         if term.fault is not None:

@@ -29,7 +29,7 @@ from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS
 
 if TYPE_CHECKING:
-    from gyrocal.effects.reading_fault import ReadingFault
+    from gyrocal.effects.reading_fault import Fault
 
 __all__ = [
     "AtSample", "Case", "Effect", "Law", "Looks", "Mask", "Objection", "OfEachRun", "OneCycle", "Parameter", "Refinement",
@@ -154,6 +154,8 @@ class Effect(Described):
     """True if the effect is a line of constant frequency, which is judged against its neighbours in the spectrum too."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
+    fault: Fault | None = None
+    """The fault of the reading that is this effect, or a part of it."""
     uncorrected: ClassVar[str] = ""
     """The reason why ``apply`` leaves this effect in the readings; empty if it belongs to the sensor and can be undone."""
     is_gain: ClassVar[bool] = False
@@ -218,15 +220,6 @@ class Effect(Described):
         return ()
 
     @property
-    def fault(self) -> ReadingFault | None:
-        """The fault of the reading with the same id; None if there is none."""
-        return None
-
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        """The fault of the reading that these values describe; None if they describe a term of the reading."""
-        return None
-
-    @property
     def coding(self) -> Coding:
         """How named values become the coefficients of the columns, and back."""
         return Coding(self.linear)
@@ -238,6 +231,11 @@ class Effect(Described):
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
         return self.columns(run, axis, values) @ self.coding.coefficients(values)
+
+    @final
+    def fault_of(self, values: Mapping[str, float]) -> Fault | None:
+        """The fault of the reading that these values describe; None if they describe a term of the reading."""
+        return self.fault if self.fault is not None and self.fault.describes(values) else None
 
     @final
     def structure(self, values: Mapping[str, float]) -> Values:

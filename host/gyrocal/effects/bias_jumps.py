@@ -12,7 +12,7 @@ from gyrocal.effects.coding import Coding
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.optional import InWords
 from gyrocal.effects.quantities import reading_error_dps
-from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.reading_fault import Detected, Fault
 from gyrocal.effects.sampling_fault import stale
 from gyrocal.effects.single_bits import may_be_single_power, single_power
 from gyrocal.policy import POLICY
@@ -178,6 +178,47 @@ def outliers_of(run: Run, axis: int) -> Array:
     return out
 
 
+class Outliers(Fault):
+    """Outliers: the part of the effect that is a fault of the reading."""
+
+    def describes(self, values: Mapping[str, float]) -> bool:
+        return values.get("outliers", 0.0) > 0
+
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes.
+
+        Where they may be, they are no sure outliers of another cause.
+        """
+        if single_power(runs, axis) is not None:
+            return None
+        apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
+        found = apart_dps[apart_dps != 0]
+        if found.size < 2:
+            return None
+        steady = [r for r in runs if not r.rate_is_mean]
+        errors_dps = [reading_error_dps(r, axis)[r.reached] for r in steady]
+        chance = chance_of(errors_dps, max(float(r.step_dps[axis]) for r in steady))
+        if chance > SHOWN:
+            return None
+        values = {
+            "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
+        }  # fmt: skip
+        return Detected(values, {}, max(chance, SHOWN if may_be_single_power(runs, axis) else 0.0))
+
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
+        return modelled_dps + outliers_of(run, axis)
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """Readings with single deviations of ``size_dps`` of either sign on the run's own axis."""
+        out = y_dps.copy()
+        rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
+        out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)
+        return out
+
+    def throws_out(self, values: Mapping[str, float]) -> bool:
+        return values.get("outliers", 0.0) > 0
+
+
 class _UpOrDown(Coding):
     """The steps of a run's jumps, which are up or down by one size."""
 
@@ -215,6 +256,7 @@ class BiasJumps(OfEachRun, InWords):
         Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
     )
     linear, chosen = ("size_dps",), ("n",)
+    fault = Outliers()
     shown_against = "time"
 
     def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
@@ -229,13 +271,6 @@ class BiasJumps(OfEachRun, InWords):
     def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
         drawn = super().draw(values, rng)
         return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
-
-    @property
-    def fault(self) -> ReadingFault:
-        return _SingleReadings()
-
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        return self.fault if values.get("outliers", 0.0) > 0 else None
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
@@ -269,44 +304,3 @@ class BiasJumps(OfEachRun, InWords):
         at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
         jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")
         return values["size_dps"] * (jumps_so_far % 2).astype(np.float64)
-
-
-class _SingleReadings(ReadingFault):
-    """Outliers: the part of the effect that is a fault of the reading."""
-
-    id, title, cause, equation = BiasJumps.id, BiasJumps.title, BiasJumps.cause, BiasJumps.equation
-    looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
-
-    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes.
-
-        Where they may be, they are no sure outliers of another cause.
-        """
-        if single_power(runs, axis) is not None:
-            return None
-        apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
-        found = apart_dps[apart_dps != 0]
-        if found.size < 2:
-            return None
-        steady = [r for r in runs if not r.rate_is_mean]
-        errors_dps = [reading_error_dps(r, axis)[r.reached] for r in steady]
-        chance = chance_of(errors_dps, max(float(r.step_dps[axis]) for r in steady))
-        if chance > SHOWN:
-            return None
-        values = {
-            "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
-        }  # fmt: skip
-        return Detected(values, {}, max(chance, SHOWN if may_be_single_power(runs, axis) else 0.0))
-
-    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        return modelled_dps + outliers_of(run, axis)
-
-    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Readings with single deviations of ``size_dps`` of either sign on the run's own axis."""
-        out = y_dps.copy()
-        rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
-        out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)
-        return out
-
-    def throws_out(self, values: Mapping[str, float]) -> bool:
-        return values.get("outliers", 0.0) > 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.parameter import Described
@@ -41,7 +41,7 @@ class Term:
         return self.own or base.effect(self.effect_id)
 
     @property
-    def fault(self) -> ReadingFault | None:
+    def fault(self) -> Fault | None:
         """The fault of the reading that the values describe; None if they describe a term of the reading."""
         return self.effect.fault_of(self.values)
 
