@@ -122,6 +122,9 @@ class Effect(Described):
 
     This class is a deterministic effect that is the same in all runs (``scope`` is ``session``). Other kinds are subclasses:
     :class:`OfEachRun`, :class:`gyrocal.effects.wave.Wave` and :class:`gyrocal.effects.reading_fault.ReadingFault`.
+
+    An effect states data, and answers questions: its columns, and each further question that it answers in another way than
+    most. What is ``final`` follows from these. :mod:`gyrocal.effects.optional` has what only few effects can answer.
     """
 
     linear: tuple[str, ...] = ()
@@ -171,13 +174,30 @@ class Effect(Described):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
 
+    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
+        return self.columns(run, axis, values) @ self.coding.coefficients(values)
+
+    @property
+    def coding(self) -> Coding:
+        """How named values become the coefficients of the columns, and back."""
+        return Coding(self.linear)
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
+        return [dict.fromkeys(self.linear, 0.0)]
+
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
+        """How finely a nonlinear parameter is searched from these values on."""
+        return Refinement()
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
+        return None
+
     def lacks(self, run: Run) -> bool:
         """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
         return not all(map(run.has, self.requires))
-
-    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
-        """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
-        return ()
 
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.
@@ -186,18 +206,6 @@ class Effect(Described):
         a fraction of it; None if the columns have no noise.
         """
         return None
-
-    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
-        return None
-
-    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
-        return [dict.fromkeys(self.linear, 0.0)]
-
-    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
-        """How much of the effect has been chosen from the readings of these runs before a fit."""
-        return Looks(len(self.variants(runs, axis)))
 
     def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
         """The data to which a candidate is fitted: samples if means over blocks of a tenth of a second lose the effect.
@@ -209,9 +217,9 @@ class Effect(Described):
             return "blocks"
         return "samples" if line_chance <= POLICY.false_discovery_rate else None
 
-    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
-        """How finely a nonlinear parameter is searched from these values on."""
-        return Refinement()
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        """How much of the effect has been chosen from the readings of these runs before a fit."""
+        return Looks(len(self.variants(runs, axis)))
 
     def objections(
         self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
@@ -219,18 +227,13 @@ class Effect(Described):
         """What speaks against the fitted ``values``, although the fit may be good; ``known`` are other effects with theirs."""
         return ()
 
-    @property
-    def coding(self) -> Coding:
-        """How named values become the coefficients of the columns, and back."""
-        return Coding(self.linear)
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
+        return ()
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         """The term of single samples, as ``effects/<id>.c`` has it; None if it needs more than one sample."""
         return None
-
-    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
-        return self.columns(run, axis, values) @ self.coding.coefficients(values)
 
     @final
     def fault_of(self, values: Mapping[str, float]) -> Fault | None:
