@@ -22,7 +22,7 @@ from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.gravity.diagnose import explain as explain_by_gravity
 from gyrocal.recording.session import AXES, Array
 
-ROOM = 1.1
+ROOM = 1.05
 """The corrected error may exceed that of the least squares by this factor."""
 
 

@@ -29,7 +29,7 @@ from .judge import judge
 from .outcome import Outcome
 
 PROCESSES = 2
-SETS = ("fixed", *drawn.SEEDS)
+SETS = ("fixed", *drawn.SETS)
 MEDIANS = ("error_reduction_ratio", "set_error_ratio")
 
 Progress = Callable[[int, int], None]
@@ -52,7 +52,7 @@ def benchmark(
 
 
 def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None, skip: int = 0) -> list[Case | Draw]:
-    """The cases of a set ("fixed", "work" or "frozen"), or the part that is asked for."""
+    """The cases of a set ("fixed", "work", "frozen" or "unseen"), or the part that is asked for."""
     if cases_of not in SETS:
         raise InputError(f"no set of cases {cases_of!r}; there are {', '.join(SETS)}")
     listed: Sequence[Case | Draw]

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from edge import frozen
+
 from .generator.case import AXES, Case, Effect
 from .generator.chip import DIGITAL
 from .generator.protocol import MOVING
@@ -30,6 +32,9 @@ SEEN, APART, ALIKE = 8.0, 5.0, 2.0
 SEEN_UNKNOWN, OWN_SHAPE = 10.0, 0.7
 MOST_DRAWS = 400
 SEEDS = {"work": 20_000, "frozen": 70_000}
+UNSEEN = "unseen"
+"""The set whose seed is the git tree of the code that its cases judge, as that of the frozen part of the edge benchmark."""
+SETS = (*SEEDS, UNSEEN)
 COUNTS = {"effect": 200, "set": 60, "confounded": 60, "unknown": 60, "null": 200}
 
 SECONDS = {"paper": 14.0, "full": 8.0, "swing": 10.0, "long": 180.0, "staircase": 50.0, "hand": 25.0, "chamber": 100.0}
@@ -220,7 +225,8 @@ class Draw:
 
     @property
     def seed(self) -> int:
-        return SEEDS[self.set] + 1000 * list(COUNTS).index(self.kind) + self.number
+        first = int(frozen.tree()[:12], 16) if self.set == UNSEEN else SEEDS[self.set]
+        return first + 1000 * list(COUNTS).index(self.kind) + self.number
 
     def case(self) -> Case:
         """The first draw that the rules let through; the seed of the session tells which one it was."""
@@ -331,6 +337,6 @@ def _kept(case: Case) -> Case | None:
 
 
 def draws(name: str) -> list[Draw]:
-    """The cases of the set "work" or "frozen", kinds in turn within each number so that a part is a cross-section."""
+    """The cases of the set "work", "frozen" or "unseen", kinds in turn within each number so that a part is a cross-section."""
     each = [Draw(name, kind, number) for kind, count in COUNTS.items() for number in range(count)]
     return sorted(each, key=lambda draw: draw.number)

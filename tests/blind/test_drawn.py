@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from edge import frozen
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 
@@ -122,11 +123,20 @@ def test_every_effect_of_the_table_is_drawn_and_has_a_signal():
     assert {id_ for id_, _, _ in CONFOUNDED} <= NAMED
 
 
-@pytest.mark.parametrize("name", ["work", "frozen"])
-def test_both_sets_hold_the_same_kinds_of_cases(name):
+@pytest.mark.parametrize("name", ["work", "frozen", "unseen"])
+def test_all_sets_hold_the_same_kinds_of_cases(name):
     each = draws(name)
     assert Counter(draw.kind for draw in each) == {"effect": 200, "set": 60, "confounded": 60, "unknown": 60, "null": 200}
     assert len({draw.name for draw in each}) == len(each)
+
+
+def test_unseen_cases_are_drawn_from_the_code_that_they_judge(monkeypatch):
+    case = []
+    for tree in ("a" * 40, "b" * 40):
+        monkeypatch.setenv(frozen.TREE, tree)
+        case.append(Draw("unseen", "null", 1).case())
+    assert case[0].seed != case[1].seed
+    assert case[1] == Draw("unseen", "null", 1).case()
 
 
 def test_no_seed_is_in_both_sets():
@@ -180,7 +190,7 @@ def test_a_part_is_the_first_cases_of_the_kinds():
     assert len(benchmark.chosen(True, "frozen", [], None)) == 5
     with pytest.raises(InputError, match="no cases of kind 'storm'"):
         benchmark.chosen(False, "work", ["storm"], None)
-    with pytest.raises(InputError, match="there are fixed, work, frozen"):
+    with pytest.raises(InputError, match="there are fixed, work, frozen, unseen"):
         benchmark.chosen(False, "other", [], None)
 
 

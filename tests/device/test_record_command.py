@@ -57,8 +57,8 @@ def test_a_signal_ends_the_recording_with_its_report(name: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])
 def test_a_second_recorder_is_turned_away_at_once(tcp: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    session = two_faces(seconds=3.0, scenarios=1)
-    with device.SimulatedDevice(session, speed=2, tcp=tcp) as simulated:
+    session = two_faces(seconds=12.0, scenarios=1)
+    with device.SimulatedDevice(session, speed=8, tcp=tcp) as simulated:
         command = [sys.executable, "-m", "gyrocal", "record", str(tmp_path / "first"), "--port", simulated.port, "--follow"]
         with subprocess.Popen([*command, "--json"], stdout=subprocess.PIPE, text=True) as process:
             wait_for(tmp_path / "first" / "000_up.csv", 100)

@@ -19,7 +19,9 @@ pytestmark = pytest.mark.slow
         ("a7d2e8c034282d08d3463b721ed145ef23865264", "null", 11, ("vibration_tone", "z")),  # a line of the encoder's angle
         ("a7d2e8c034282d08d3463b721ed145ef23865264", "misspecified", 30, ("table_ripple", "z")),  # a magnet beside the table
         ("07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "edge", 6, ("table_ripple", "z")),  # a tone of one size at three rates
-        ("07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "misspecified", 58, ("table_ripple", "y")),  # friction, of another size
+        pytest.param(
+            "07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "misspecified", 58, ("table_ripple", "y"), marks=pytest.mark.wide,
+        ),  # friction, of another size
     ],
 )
 def test_it_is_not_named_again(

@@ -49,6 +49,15 @@ def test_a_small_difference_between_parts_says_that_no_model_is_exact_only_with_
     assert told.stated(10.0, nearly) <= told.FAILED < told.stated(30.0, nearly)
 
 
+def test_a_small_difference_is_forgiven_sooner_where_little_else_is_left_over() -> None:
+    """On the recording of a shaft with an encoder, a leak of the rate has log odds of 13, a share of 0.991 and differs by 7 %."""
+    main = Checks(0.99, 1e-6, 0.07)
+    assert main.passed(13.0)
+    assert not Checks(0.9, 1e-6, 0.07).passed(13.0)
+    assert not main.passed(6.0)
+    assert not Checks(0.99, 1e-6, 0.3).passed(13.0)
+
+
 def test_neighbours_are_pooled_until_the_shares_rise() -> None:
     found = edge_curve.rising([(0.1, 1, 10), (3.0, 6, 10), (7.0, 4, 10), (9.5, 9, 10)])
     assert found == [(0.1, 1, 10), (10.0, 10, 20), (9.5, 9, 10)]

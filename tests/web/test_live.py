@@ -170,7 +170,7 @@ def test_each_sensor_of_a_board_has_its_own(
     link = tmp_path / "board"
     page = look(f"{serve(tmp_path, '--port', str(link)).url}live")
     board, second = page.locator("[aria-label='sensors of the board']"), re.compile("sensor 1: ")
-    device = SimulatedDevice(parts, 2.0, symlink=link)
+    device = SimulatedDevice(parts, 4.0, symlink=link)
     device._outlet = gate = Gate(device._outlet)
     with device:
         board.get_by_role("button", name=re.compile("sensor 0: "), pressed=True).wait_for()

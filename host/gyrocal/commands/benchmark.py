@@ -20,7 +20,7 @@ def run(
     ],
     sample: Annotated[bool, typer.Option("--sample", help="Only a few cases, for a quick look.")] = False,
     cases: Annotated[
-        str | None, typer.Option(metavar="SET", help="blind: fixed (the default), work or frozen (drawn at random).")
+        str | None, typer.Option(metavar="SET", help="blind: fixed (the default), or drawn at random: work, frozen or unseen.")
     ] = None,
     kind: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="blind, field, references, edge: this kind alone; may be repeated.")

@@ -30,4 +30,5 @@ class Checks:
         if self.same_in_parts_p is None or self.same_in_parts_p >= POLICY.different_chance:
             return True
         small = self.difference is not None and self.difference <= POLICY.largest_difference
-        return log_odds >= POLICY.exact_log_odds and small
+        enough = POLICY.main_log_odds if self.share >= POLICY.main_share else POLICY.exact_log_odds
+        return log_odds >= enough and small

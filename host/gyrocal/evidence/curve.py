@@ -18,11 +18,11 @@ from gyrocal.policy import POLICY
 
 KNOTS = (
     (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4641, 0.211), (0.5771, 0.381), (1.7931, 0.647), (3.456, 0.86),
-    (7.0345, 0.895), (17.6801, 0.895),
+    (7.0503, 0.895), (17.6452, 0.895),
 )  # fmt: skip
-FAILED = 0.309
+FAILED = 0.293
 NAMED = 0.952
-UNNAMED = 0.471
+UNNAMED = 0.481
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:

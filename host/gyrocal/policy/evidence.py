@@ -63,14 +63,26 @@ class Evidence:
     )  # fmt: skip
     largest_difference: float = threshold(
         0.18, "rms of the difference between the parts that chance does not explain, over the rms of the effect, up to which "
-        "it says that no model is exact, if the log odds are at least exact_log_odds",
+        "it says that no model is exact, if the log odds are at least exact_log_odds, or main_log_odds beside main_share",
         larger="wrong names pass: those of the calibration and the work part with log odds beyond 2.2 begin at 0.21",
         smaller="true effects fail: on recordings of a shaft with an encoder they differ by up to 0.16",
         chosen_by="gyrocal benchmark edge, the calibration and the work part; docs/evidence.md has the recording",
     )  # fmt: skip
     exact_log_odds: float = threshold(
         20.0, "log odds from which on there are so many data that the sizes of a true effect differ significantly too",
-        larger="true effects fail on long recordings; on those with an encoder the log odds are 22 and 1389",
-        smaller="of three names with less (3, 9 and 14) and differences of 0.08 to 0.13, two were wrong",
-        chosen_by="gyrocal benchmark edge --part frozen",
+        larger="true effects fail on long recordings",
+        smaller="misalignment for an offset that settles passes (log odds 14, share 0.92)",
+        chosen_by="gyrocal benchmark edge --part frozen, six states of the code",
+    )  # fmt: skip
+    main_log_odds: float = threshold(
+        8.0, "log odds from which on they do so for an effect that has main_share",
+        larger="a misalignment fails on the recording of a shaft with an encoder (12.7): a smooth curve over the rate is nearly it",
+        smaller="of two names with less (3 and 6) and that share, both were wrong; of two with more (9 and 10), none",
+        chosen_by="gyrocal benchmark edge --part frozen, six states of the code; gyrocal benchmark real",
+    )  # fmt: skip
+    main_share: float = threshold(
+        0.95, "share from which on an effect is all but all that is left over on its axis",
+        larger="true effects fail on long recordings; on that of the shaft the shares are 0.991 and 0.996",
+        smaller="misalignment for an offset that settles passes (log odds 14, share 0.92)",
+        chosen_by="gyrocal benchmark edge --part frozen, six states of the code; gyrocal benchmark real",
     )  # fmt: skip
