@@ -149,8 +149,8 @@ class Effect(Described):
     stands_for: ClassVar[Role] = Role.BIAS
     """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
     acts_on: ClassVar[Literal["own", "others", "all"]] = "own"
-    """The axes of which the table's rotation makes the readings wrong: the axis about which it turns ("own"), the other two
-    ("others"), or all three ("all")."""
+    """The axes on which the simulator plants it: the one about which the table turns ("own"), the other two, which then read a
+    part of the rate about another axis ("others"), or all three ("all")."""
     fixed_by: ClassVar[str] = ""
     """The column of a recording that makes the coefficients the same in all runs, which otherwise differ from run to run."""
     is_line: ClassVar[bool] = False
