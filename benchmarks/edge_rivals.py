@@ -39,7 +39,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks import edge, edge_table
 from benchmarks.edge_table import Row
 
-from gyrocal.effects.base import Effect, Role, effects, with_role
+from gyrocal.effects.base import Effect, Objection, Role, effects, with_role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.evidence.hypotheses import judged, of_reference
@@ -238,7 +238,7 @@ def problem_on(session: Sequence[Blocks], axis: int, cycles: bool) -> Problem:
     y = np.concatenate([b.y_dps[:, axis] for b in blocks])
     kept, effect_of, forms = list[Array](), list[str](), []
     for effect in (e for e in effects().values() if judged(e, runs, axis)):
-        for values in (v for v in effect.variants(runs, axis) if effect.observable(v, runs)):
+        for values in (v for v in effect.variants(runs, axis) if Objection.UNSEEN not in effect.objections(v, runs, axis, ())):
             places = set()
             for column in of(effect, values).T:
                 left = column - base @ (base.T @ column)

@@ -65,7 +65,7 @@ def answered(session: Session, effect: str, named: bool) -> bool:
         best = found.best
         return found.verdict == "add" and best is not None and best.effect.id == effect
     c = next(c for c in found.candidates if c.effect.id == effect)
-    name = c.effect.used(c.values)[0]
+    name = c.effect.coding.used(c.values)[0]
     return bool(c.values) and c.se.get(name, float("inf")) <= 0.1 * abs(c.values[name])
 
 

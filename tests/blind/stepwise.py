@@ -79,7 +79,7 @@ class _Regression:
         runs = [b.run for b in self.blocks]
         tried = [(f_test(at.fitted, at._more(kind, v), len(kind.nonlinear)), v) for v in kind.variants(runs, self.axis)]
         chance, values = min(tried, key=lambda t: t[0])
-        return min(1.0, chance * kind.looks(runs, self.axis)), values
+        return min(1.0, chance * kind.looks(runs, self.axis).shapes), values
 
     @cached_property
     def fast(self) -> _Regression:

@@ -48,12 +48,12 @@ def test_the_noise_of_a_rate_is_no_lost_rate_and_a_lost_rate_is():
     """A count of the encoder is larger than its noise, so that most rates at rest are exactly 0 and the others one count."""
     kind, plateaus = base.effect("dead_band"), (0.0, 0.8, 1.6, 0.0, -0.8, -1.6)
     at_rest = staircases(5, 0.024, 0.05, plateaus, runs=3, seconds=60, white_dps=0.03)
-    assert not kind.shows(at_rest.runs, 2, 0.01)
+    assert kind.tried_on(at_rest.runs, 2, 0.01) is None
     lost = [
         make_run(r.t_s, r.gyro_dps - np.where(np.abs(r.rate_dps) < 1.0, r.rate_dps, 0.0)[:, None] * [0, 0, 1],
                  rate_ref_dps=r.rate_dps, scenario=r.scenario, rate_hz=RATE_HZ) for r in at_rest.runs
     ]  # fmt: skip
-    assert kind.shows(lost, 2, 0.01)
+    assert kind.tried_on(lost, 2, 0.01) == "samples"
 
 
 def test_a_planted_asymmetry_is_named_with_its_size():

@@ -236,4 +236,4 @@ def test_where_the_table_turns_more_than_once_between_samples_no_order_is_looked
     ]
     tone = effect("order_tone")
     assert tone.variants(runs, 2) == [{"order": 1.0, "A_dps": 0.0}]
-    assert not tone.shows(runs, 2, 0.0)
+    assert tone.tried_on(runs, 2, 0.0) is None

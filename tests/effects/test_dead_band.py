@@ -33,7 +33,7 @@ def likeliest_dps(runs: list[Run]) -> float:
 
 
 def error_dps(runs: list[Run], width_dps: float) -> float:
-    return effect("dead_band").resolution("width_dps", {"width_dps": width_dps, "depth": 1.0}, runs, 2)
+    return effect("dead_band").refinement("width_dps", {"width_dps": width_dps, "depth": 1.0}, runs, 2).resolution
 
 
 @pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])
@@ -61,9 +61,9 @@ def test_a_reference_that_wanders_at_rest_is_no_dead_band(seed: int) -> None:
         wander = lfilter([0.03 * np.sqrt(1 - 0.98**2)], [1, -0.98], rng.normal(size=6000))
         gyro = rng.normal(0, 0.05, (6000, 3)) + np.outer(1.01 * true + 0.7, [0, 0, 1])
         runs.append(make_run(np.arange(6000) / 100.0, gyro, rate_ref_dps=true + wander))
-    assert not effect("dead_band").shows(runs, 2, 0.01)
+    assert effect("dead_band").tried_on(runs, 2, 0.01) is None
 
 
 @pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])
 def test_a_band_shows_by_its_edge(levels: tuple[float, ...]) -> None:
-    assert effect("dead_band").shows([staircase(k, 0.003, levels) for k in range(4)], 2, 0.01)
+    assert effect("dead_band").tried_on([staircase(k, 0.003, levels) for k in range(4)], 2, 0.01) == "samples"

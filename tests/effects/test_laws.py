@@ -232,9 +232,9 @@ def test_tone(make_run: MakeRun) -> None:
     values = {"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 35.0}
     assert np.std(kind.term(run, 0, values)) == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
     assert kind.columns(run, 0, {}).shape == (2000, 0)
-    again = kind.named(kind.coefficients(values), values)
+    again = kind.coding.named(kind.coding.coefficients(values), values)
     assert again == pytest.approx({"A_dps": 0.02, "phase_deg": 35.0})
-    assert kind.named_spread(kind.spread(values), values)["A_dps"] == pytest.approx(0.02)
+    assert kind.coding.named_spread(kind.coding.spread(values), values)["A_dps"] == pytest.approx(0.02)
     phases = {kind.draw({}, np.random.default_rng(seed))["phase_deg"] for seed in range(5)}
     assert len(phases) == 5
 

@@ -86,13 +86,13 @@ def test_columns_coefficients_and_groups_fit_together(effect_id: str, rich_run: 
             values = kind.draw({}, rng)
             chosen = {n: v for n, v in values.items() if n in variant or n not in kind.linear}
             columns = kind.columns(rich_run, axis, chosen)
-            assert columns.shape == (len(rich_run), len(kind.groups(chosen)))
+            assert columns.shape == (len(rich_run), len(kind.coding.groups(chosen)))
             assert np.all(np.isfinite(columns))
-            c = kind.coefficients(chosen)
+            c = kind.coding.coefficients(chosen)
             assert c.shape == (columns.shape[1],)
-            again = {**chosen, **kind.named(c, chosen)}
-            np.testing.assert_allclose(kind.coefficients(again), c, atol=1e-15)
-            assert kind.spread(chosen).shape == c.shape
+            again = {**chosen, **kind.coding.named(c, chosen)}
+            np.testing.assert_allclose(kind.coding.coefficients(again), c, atol=1e-15)
+            assert kind.coding.spread(chosen).shape == c.shape
 
 
 @pytest.mark.parametrize("effect_id", EVERY)

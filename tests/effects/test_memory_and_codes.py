@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.effects.base import effect, is_left_of_a_line
+from gyrocal.diagnosis.naming.judge import contradicts
+from gyrocal.effects.base import Objection, effect
 from gyrocal.effects.byte_fault import carried, lost_carry
 from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.single_bits import single_power
 from gyrocal.effects.thermal_hysteresis import play_c
@@ -17,6 +19,7 @@ from make_runs import make_session
 
 from .conftest import Array, MakeRun
 
+CONTRADICTED = Objection.CONTRADICTED
 LSB_DPS = 0.00875
 
 
@@ -201,14 +204,13 @@ def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
     w_dps = 70 * np.sin(2 * np.pi * 0.3 * np.arange(6000) / 100)
     noisy = w_dps + rng.normal(0, 0.0125, w_dps.size)
     lost = np.where(np.abs(w_dps) < 0.6, noisy - w_dps, noisy)
-    assert effect("dead_band").shows([swinging(make_run, lost, w_dps)], 2, 1.0)
-    assert not effect("dead_band").shows([swinging(make_run, noisy, w_dps)], 2, 1.0)
+    assert effect("dead_band").tried_on([swinging(make_run, lost, w_dps)], 2, 1.0) == "samples"
+    assert effect("dead_band").tried_on([swinging(make_run, noisy, w_dps)], 2, 1.0) is None
 
 
 def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:
-    assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008}, 1.0)
-    assert effect("dead_band").contradicted({"width_dps": 0.2, "depth": 1.7}, 1.0)
-    assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8}, 1.0)
+    for width_dps, depth, objections in ((12.0, 0.008, [CONTRADICTED]), (0.2, 1.7, [CONTRADICTED]), (0.6, 0.8, [])):
+        assert list(effect("dead_band").objections({"width_dps": width_dps, "depth": depth}, [], 2, ())) == objections
 
 
 @pytest.mark.parametrize("repeats", [0, 3])
@@ -240,11 +242,16 @@ def test_readings_that_stand_out_without_being_repeated_are_no_repeated_ones(mak
     assert jumps.detect([run], 2) is not None
 
 
-def test_a_reading_that_leads_is_no_lag_unless_that_is_the_main_cause() -> None:
+def test_a_reading_that_leads_is_no_lag_unless_that_is_the_main_cause(make_run: MakeRun) -> None:
     """A reading cannot precede the rate. A late reference looks like that, and then explains nearly all of the error."""
-    assert effect("lag").contradicted({"tau_s": -3e-4, "order": 0.0}, None)
-    assert not effect("lag").contradicted({"tau_s": -3e-3, "order": 0.0}, 0.95)
-    assert not effect("lag").contradicted({"tau_s": 3e-4, "order": 0.0}, None)
+    run = make_run(np.arange(2000) / 100, np.random.default_rng(0).normal(0, 0.05, (2000, 3)))
+
+    def contradicted(tau_s: float, explained: float | None) -> bool:
+        return contradicts(list(effect("lag").objections({"tau_s": tau_s, "order": 0.0}, [run], 2, ())), explained)
+
+    assert contradicted(-3e-4, None)
+    assert not contradicted(-3e-3, 0.95)
+    assert not contradicted(3e-4, None)
 
 
 def test_a_small_tone_of_a_ripples_own_order_is_what_the_ripple_left(make_run: MakeRun) -> None:
@@ -252,9 +259,8 @@ def test_a_small_tone_of_a_ripples_own_order_is_what_the_ripple_left(make_run: M
     run = make_run(np.arange(2000) / 100, rate_ref_dps=150 * np.sign(np.sin(np.arange(2000) / 300)))
     ripple = [(effect("table_ripple"), {"amplitude_3": 0.0016, "phase_3_deg": 20.0})]
     tone = effect("order_tone")
-    assert tone.repeats({"order": 2.996, "A_dps": 0.008}, [run], 2, ripple)
-    assert not tone.repeats({"order": 2.996, "A_dps": 0.2}, [run], 2, ripple)
-    assert not tone.repeats({"order": 5.0, "A_dps": 0.008}, [run], 2, ripple)
+    for order, amplitude_dps, objections in ((2.996, 0.008, [Objection.REPEATS]), (2.996, 0.2, []), (5.0, 0.008, [])):
+        assert list(tone.objections({"order": order, "A_dps": amplitude_dps}, [run], 2, ripple)) == objections
 
 
 def test_readings_that_keep_the_carry_which_their_neighbours_lack_are_of_the_same_fault(make_run: MakeRun) -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.effects.quantities import cosines, in_one_power_cycle, means_of_tenths, unit_wave
+from gyrocal.effects.base import in_one_power_cycle
+from gyrocal.effects.quantities import cosines, means_of_tenths, unit_wave
 from make_runs import make_run
 
 

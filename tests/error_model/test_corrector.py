@@ -39,7 +39,7 @@ def test_the_term_of_a_sample_is_that_of_a_run(effect: Any) -> None:
     columns = {f"a{a}_g": ACC_G[:, k] for k, a in enumerate("xyz")} | {"temp_c": TEMP_C}
     run = make_run(T_S, table_rate_dps=78.0, power_on_s=POWER_ON_S, **columns)
     for start in filter(effect.runs_on_device, effect.variants([run], 2)):
-        values = start | {name: 0.01 * (k + 1) for k, name in enumerate(effect.used(start))}
+        values = start | {name: 0.01 * (k + 1) for k, name in enumerate(effect.coding.used(start))}
         term = effect.at_sample(values)
         samples = [term(78.0, *row) for row in zip(TEMP_C, POWER_ON_S + T_S, ACC_G, strict=True)]
         assert samples == pytest.approx(effect.term(run.as_measured(), 2, values), rel=1e-12)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gyrocal.effects.base import Effect, Role, Values
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.fitted_on import FittedOn
 from gyrocal.error_model.model import Model, Term
@@ -62,7 +62,7 @@ class Calibration:
     """(mean, sd) of the priors, flat if the sd is infinite."""
     noise: Noise
     alternatives: int = 0
-    faults: tuple[tuple[ReadingFault, Values], ...] = ()
+    faults: tuple[tuple[Fault, Values], ...] = ()
     """Faults of the reading. Blocks with these faults are not used."""
     fitted_on: FittedOn = field(default_factory=FittedOn)
     """What the priors were fitted on. Columns see temperatures beyond its range as the nearest end of the range."""
@@ -108,7 +108,7 @@ def calibration_of(
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
     spread_terms: list[tuple[Term, Column]] = []
-    faults: list[tuple[ReadingFault, Values]] = []
+    faults: list[tuple[Fault, Values]] = []
     for term in model.on(axis):
         kind = term.effect
         if term.fault is not None:
@@ -116,22 +116,22 @@ def calibration_of(
             continue
         if kind.role is not None:
             continue
-        if not all(name in term.values for name in kind.nonlinear) or not kind.used(term.values):
+        if not all(name in term.values for name in kind.nonlinear) or not kind.coding.used(term.values):
             raise InputError(f"model {model.name}: {kind.id} on {axis} has no values; fit it with `gyrocal add`")
         mean = (
-            kind.coefficients(term.values)
+            kind.coding.coefficients(term.values)
             if kind.scope == "session" or kind.common_mean
-            else np.zeros(kind.spread(term.values).size)
+            else np.zeros(kind.coding.spread(term.values).size)
         )
         if isinstance(kind, TimingEffect):  # its column is a derivative about its value
             mean = np.zeros(mean.size)
-        spread = kind.spread(term.values)
+        spread = kind.coding.spread(term.values)
         se = (
-            kind.spread({n: term.se.get(n, 0.0) for n in term.values})
+            kind.coding.spread({n: term.se.get(n, 0.0) for n in term.values})
             if kind.scope == "run" and not kind.common_mean
             else _se(kind, term.values, term.se)
         )
-        ranges = {n: kind.parameter(n).typical[1] for n in kind.used(term.values)}
+        ranges = {n: kind.parameter(n).typical[1] for n in kind.coding.used(term.values)}
         typical = [size if np.isfinite(size) else abs(term.values[n]) for n, size in ranges.items()]  # a formula's has none
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
@@ -173,7 +173,7 @@ def alternative_values(term: Term, count: int) -> list[Values]:
 
 
 def _se(kind: Effect, values: Values, se: Values) -> Array:
-    return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.used(values)])
+    return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.coding.used(values)])
 
 
 def _prior_of_bias(model: Model, axis: str) -> tuple[float, float]:

@@ -11,16 +11,17 @@ import importlib.util
 import inspect
 import pkgutil
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, final
 
 import numpy as np
 
+from gyrocal.effects.coding import Coding
 from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.policy import POLICY
@@ -28,16 +29,19 @@ from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS
 
 if TYPE_CHECKING:
-    from gyrocal.effects.reading_fault import ReadingFault
+    from gyrocal.effects.reading_fault import Fault
 
 __all__ = [
-    "AtSample", "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s",
-    "load", "stack", "table_angle_rad", "with_role",
+    "AtSample", "Case", "Effect", "Law", "Looks", "Mask", "Objection", "OfEachRun", "OneCycle", "Parameter", "Refinement",
+    "Role", "Tried", "Values", "effect", "effects", "elapsed_s", "load", "stack", "table_angle_rad", "with_role",
 ]
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 AtSample = Callable[[Any, Any, Any, Any], Any]
 """A term, deg/s, of (rate, dps; temp_c; power_on_s; the three accelerations, g), each a number or an array [n]."""
+
+Tried = Literal["blocks", "samples"] | None
+"""The data to which a candidate is fitted; None if no fit is tried."""
 
 
 class Role(Enum):
@@ -61,6 +65,45 @@ class Law:
     even: bool = False
 
 
+class Objection(Enum):
+    """What speaks against an effect whose fit may be good."""
+
+    UNSEEN = auto()
+    """The runs hold nothing of it that a simpler effect does not do as well."""
+    REPEATS = auto()
+    """It is what an imperfect fit of a known effect leaves over."""
+    CONTRADICTED = auto()
+    """Its values contradict what the effect is."""
+    MINOR = auto()
+    """Its values contradict what the effect is, unless it is the main cause of the excess."""
+
+
+class Refinement(NamedTuple):
+    """How finely a nonlinear parameter is searched."""
+
+    step: float = 0.3
+    """The first step, in the parameter's logarithm."""
+    resolution: float = 0.0
+    """The part of its standard error that comes from the spacing of the samples, even without noise."""
+
+
+class Looks(NamedTuple):
+    """What an effect has chosen from the readings before it is fitted."""
+
+    shapes: int
+    """The number of independent shapes from which ``variants`` has chosen, for the correction of the significance."""
+    values: int = 0
+    """The number of values that the columns have taken from the readings, which count as parameters."""
+
+
+@dataclass(frozen=True)
+class OneCycle:
+    """What a single power cycle shows of an effect, and what to measure next so that another one shows that it repeats."""
+
+    shows: str
+    measure_next: str
+
+
 @dataclass(frozen=True)
 class Case:
     """Planted values, and the parameters ``recovers`` that a fit must find on ``axis`` in a simulated ``campaign``."""
@@ -79,6 +122,9 @@ class Effect(Described):
 
     This class is a deterministic effect that is the same in all runs (``scope`` is ``session``). Other kinds are subclasses:
     :class:`OfEachRun`, :class:`gyrocal.effects.wave.Wave` and :class:`gyrocal.effects.reading_fault.ReadingFault`.
+
+    An effect states data, and answers questions: its columns, and each further question that it answers in another way than
+    most. What is ``final`` follows from these. :mod:`gyrocal.effects.optional` has what only few effects can answer.
     """
 
     linear: tuple[str, ...] = ()
@@ -89,7 +135,12 @@ class Effect(Described):
     shown_against: ClassVar[str] = ""
     """The variable against which a picture shows it, if it is a function of none over all runs."""
     role: ClassVar[Role | None] = None
+    chosen: ClassVar[tuple[str, ...]] = ()
+    """Parameters of which :meth:`variants` chooses the values and a fit leaves them as they are."""
     on_device: ClassVar[bool] = False
+    device_columns: ClassVar[Mapping[str, int]] = {}
+    """The first argument of ``effects/<id>.c`` for the column of each linear parameter, if the file has several columns. A
+    parameter that is not among them has none on the device."""
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
     origin_free: ClassVar[bool] = False
@@ -97,16 +148,25 @@ class Effect(Described):
     session says of the effect is then judged by its columns' variation about bias and scale, not by their size."""
     stands_for: ClassVar[Role] = Role.BIAS
     """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
+    acts_on: ClassVar[Literal["own", "others", "all"]] = "own"
+    """The axes on which the simulator plants it: the one about which the table turns ("own"), the other two, which then read a
+    part of the rate about another axis ("others"), or all three ("all")."""
+    fixed_by: ClassVar[str] = ""
+    """The column of a recording that makes the coefficients the same in all runs, which otherwise differ from run to run."""
     is_line: ClassVar[bool] = False
     """True if the effect is a line of constant frequency, which is judged against its neighbours in the spectrum too."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
+    fault: Fault | None = None
+    """The fault of the reading that is this effect, or a part of it."""
     uncorrected: ClassVar[str] = ""
     """The reason why ``apply`` leaves this effect in the readings; empty if it belongs to the sensor and can be undone."""
     is_gain: ClassVar[bool] = False
     """True if the term is a fixed part of the true rates: an element of the matrix from these to the readings."""
     requires: ClassVar[tuple[str, ...]] = ()
-    """The columns of a recording and keys of its run without which the effect cannot be computed, for ``apply``."""
+    """The columns of a recording and keys of its run without which the effect can be neither shown nor removed."""
+    one_cycle: ClassVar[OneCycle | None] = None
+    """What is said of an effect that should repeat in each power cycle where one alone was recorded."""
     law: ClassVar[Law | None] = None
     cases: ClassVar[tuple[Case, ...]] = ()
 
@@ -114,25 +174,30 @@ class Effect(Described):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
 
-    def lacks(self, run: Run) -> bool:
-        """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
-        return False
+    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
+        return self.columns(run, axis, values) @ self.coding.coefficients(values)
 
-    def cause_in(self, runs: Sequence[Run]) -> str:
-        """The cause, or what these runs show of it if they cannot show that the effect repeats."""
-        return self.cause
+    @property
+    def coding(self) -> Coding:
+        """How named values become the coefficients of the columns, and back."""
+        return Coding(self.linear)
 
-    def measure_next_in(self, runs: Sequence[Run]) -> str:
-        """The next measurement beside these runs."""
-        return self.measure_next
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
+        return [dict.fromkeys(self.linear, 0.0)]
 
-    def unmeasured(self, run: Run, axis: int) -> Array | None:
-        """The course of the effect as far as it is known in a run without the effect's data, shape [n]; None if unknown."""
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
+        """How finely a nonlinear parameter is searched from these values on."""
+        return Refinement()
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
         return None
 
-    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
-        """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
-        return ()
+    def lacks(self, run: Run) -> bool:
+        """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
+        return not all(map(run.has, self.requires))
 
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.
@@ -142,138 +207,96 @@ class Effect(Described):
         """
         return None
 
-    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
-        return None
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """The data to which a candidate is fitted: samples if means over blocks of a tenth of a second lose the effect.
 
-    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
-        return [dict.fromkeys(self.linear, 0.0)]
-
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        """The scope for these runs. For example, a wave of known phase is the same in all runs."""
-        return self.scope
-
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
-        return len(self.variants(runs, axis))
-
-    def picked(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of values that the columns have taken from the readings of these runs, which count as parameters."""
-        return 0
-
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
-        return self.fast
-
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False if the readings rule the effect out at first sight, so that no fit is tried.
-
-        ``line_chance`` is the probability that noise produces the strongest line in the spectrum of the model's residual.
+        None if the readings rule the effect out at first sight, so that no fit is tried. ``line_chance`` is the probability
+        that noise produces the strongest line in the spectrum of the model's residual.
         """
-        return not self.fast or line_chance <= POLICY.false_discovery_rate
+        if not self.fast:
+            return "blocks"
+        return "samples" if line_chance <= POLICY.false_discovery_rate else None
 
-    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
-        """The first step of a nonlinear parameter's refinement, in its logarithm."""
-        return 0.3
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        """How much of the effect has been chosen from the readings of these runs before a fit."""
+        return Looks(len(self.variants(runs, axis)))
 
-    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
-        """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
-        return 0.0
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """What speaks against the fitted ``values``, although the fit may be good; ``known`` are other effects with theirs."""
+        return ()
 
-    def contradicted(self, values: Values, explained: float | None) -> bool:
-        """True if the fitted ``values`` contradict what the effect is, although the fit is good.
-
-        ``explained`` is the part of the excess that the fit explains, None if it is not known.
-        """
-        return False
-
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """False if these runs hold nothing of the fitted ``values`` that a simpler effect does not do as well."""
-        return True
-
-    def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
-        """Amplitude of the term's own line between these frequencies, deg/s; 0 if it has none.
-
-        It is that of the mean square over the runs. A filter may have weakened and delayed the line in the readings.
-        """
-        return 0.0
-
-    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
-        """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
-        return False
-
-    @property
-    def fault(self) -> ReadingFault | None:
-        """The fault of the reading with the same id; None if there is none."""
-        return None
-
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        """The fault of the reading that these values describe; None if they describe a term of the reading."""
-        return None
-
-    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
-        """The size in words, where the names of the parameters do not say what they mean; else empty.
-
-        ``shown`` are the ``values`` as text, with their standard errors and units.
-        """
-        return ""
-
-    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """The linear parameters in use."""
-        return tuple(name for name in self.linear if name in values)
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        """The start of another fit from fitted values: the nonlinear values, and the linear names in use set to zero."""
-        return dict.fromkeys(self.used(values), 0.0) | {n: values[n] for n in self.nonlinear if n in values}
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        """Linear coefficients [k] from values; the mean over runs if the runs differ."""
-        return np.array([values[name] for name in self.used(values)])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        """Named linear parameters from coefficients [k]; ``values`` determines which are in use."""
-        return dict(zip(self.used(values), map(float, coefficients), strict=True))
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        """Standard deviation of each coefficient over the runs, shape [k]; zero if the effect is the same in all runs."""
-        return np.array([values.get(f"{name}_sd", 0.0) for name in self.used(values)])
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """The parameters of spreads [k]: the inverse of :meth:`spread`."""
-        return {f"{name}_sd": float(sd) for name, sd in zip(self.used(values), spread, strict=True)}
-
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        """The index of each column's spread. Columns that share a spread have the same index (a cosine and its sine)."""
-        return list(range(len(self.used(values))))
-
-    def runs_on_device(self, values: Mapping[str, float]) -> bool:
-        """True if ``effects/<id>.c`` has every column of these values."""
-        return self.on_device
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
-        return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
-
-    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
-        """The error that ``apply`` removes from the reading of an axis, shape [n], deg/s.
-
-        ``turning`` holds the same run once for each axis about which the model knows the scale, turning about that axis at its
-        own rate. The effect acts on the rate about its own axis unless a subclass says otherwise.
-        """
-        return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
+        return ()
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         """The term of single samples, as ``effects/<id>.c`` has it; None if it needs more than one sample."""
         return None
 
+    @final
+    def fault_of(self, values: Mapping[str, float]) -> Fault | None:
+        """The fault of the reading that these values describe; None if they describe a term of the reading."""
+        return self.fault if self.fault is not None and self.fault.describes(values) else None
+
+    @final
+    def structure(self, values: Mapping[str, float]) -> Values:
+        """The start of another fit from fitted values: nonlinear and chosen values, and the linear names in use set to zero.
+
+        It is empty where the values describe a fault of the reading, which is detected again.
+        """
+        if self.fault_of(values) is not None:
+            return {}
+        nonlinear = {name: values[name] for name in self.nonlinear if name in values}
+        return dict.fromkeys(self.coding.used(values), 0.0) | nonlinear | {name: values.get(name, 0.0) for name in self.chosen}
+
+    @final
+    def runs_on_device(self, values: Mapping[str, float]) -> bool:
+        """True if ``effects/<id>.c`` has every column of these values."""
+        return self.on_device and (not self.device_columns or self.device_columns.keys() >= set(self.coding.used(values)))
+
+    @final
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        """The arguments of ``effects/<id>.c`` for each column: its number, nonlinear values, cosine or sine of a wave."""
+        first = {name: (float(number),) for name, number in self.device_columns.items()}
+        shared, coding = tuple(values[name] for name in self.nonlinear), self.coding
+        return [(*first.get(name, ()), *shared, *part) for name in coding.used(values) for part in coding.parts]
+
+    @final
+    def cause_in(self, runs: Sequence[Run]) -> str:
+        """The cause, or what these runs show of it if they cannot show that the effect repeats."""
+        return self.one_cycle.shows if self.one_cycle and in_one_power_cycle(runs) else self.cause
+
+    @final
+    def measure_next_in(self, runs: Sequence[Run]) -> str:
+        """The next measurement beside these runs."""
+        if self.one_cycle and in_one_power_cycle(runs):
+            return f"{self.one_cycle.measure_next}; {self.measure_next}"
+        return self.measure_next
+
+    @final
+    def scope_in(self, runs: Sequence[Run]) -> str:
+        """The scope for these runs. For example, a wave of known phase is the same in all runs."""
+        fixed = bool(self.fixed_by and runs) and all(r.column(self.fixed_by) is not None for r in runs)
+        return "session" if fixed else self.scope
+
+    @final
     def axes(self, run: Run) -> tuple[int, ...]:
         """The axes on which the simulator plants the effect by default."""
-        return (run.axis_index,)
+        return tuple(i for i in range(3) if self.acts_on == "all" or (i == run.axis_index) == (self.acts_on == "own"))
 
-    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
-        return self.columns(run, axis, values) @ self.coefficients(values)
+    @final
+    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
+        """The error that ``apply`` removes from the reading of an axis, shape [n], deg/s.
+
+        ``turning`` holds the same run once for each axis about which the model knows the scale, turning about that axis at its
+        own rate. An effect acts on the rate about its own axis, or on the sum of those about the others.
+        """
+        if self.acts_on != "others":
+            return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
+        others = [self.term(run, axis, values) for i, run in turning.items() if i != axis]
+        return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
 
 
 class OfEachRun(Effect):
@@ -360,14 +383,13 @@ def with_role(role: Role) -> Effect:
     return next(kind for kind in effects().values() if kind.role is role)
 
 
-def is_left_of_a_line(
-    known: Sequence[tuple[Effect, Values]], runs: Sequence[Run], axis: int, frequency_hz: float, amplitude_dps: float
-) -> bool:
-    """True if a line is no larger than what the gyroscope's low-pass and delay leave of a line of a ``known`` term."""
-    return any(
-        amplitude_dps < POLICY.left_of_line * effect.line_dps(runs, axis, values, frequency_hz, frequency_hz)
-        for effect, values in known
-    )
+def in_one_power_cycle(runs: Sequence[Run]) -> bool:
+    """True if the runs that know their time since power-on, or all if none does, are of one power cycle.
+
+    One power cycle cannot show that anything repeats.
+    """
+    known = [run for run in runs if run.power_on_s is not None] or runs
+    return len({run.scenario for run in known}) == 1
 
 
 def elapsed_s(run: Run) -> Array:

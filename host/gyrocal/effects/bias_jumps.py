@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Looks, OfEachRun, Parameter, Tried, Values, elapsed_s
+from gyrocal.effects.coding import Coding
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
+from gyrocal.effects.optional import InWords
 from gyrocal.effects.quantities import reading_error_dps
-from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.reading_fault import Detected, Fault
 from gyrocal.effects.sampling_fault import stale
 from gyrocal.effects.single_bits import may_be_single_power, single_power
 from gyrocal.policy import POLICY
@@ -176,103 +178,11 @@ def outliers_of(run: Run, axis: int) -> Array:
     return out
 
 
-class BiasJumps(OfEachRun):
-    id = "bias_jumps"
-    title = "Jumps of the bias"
-    cause = (
-        "The bias steps to a new value between two samples and stays there. A trapped charge or a stress in the "
-        "package is released, a knock moves the mount, or the chip's own calibration changes a trim value. Single "
-        "readings far from their neighbours (outliers) come from bits that are lost on the bus."
-    )
-    equation = "±size_dps from each of n times on"
-    looks_like = "drift and colored_noise in averaged data; turn_on_bias if the bias jumps between runs"
-    measure_next = "repeat the recording, in which jumps occur at other times, and look for knocks in the accelerometer data"
-    parameters = (
-        Parameter("n", "jumps a run", (1.0, 5.0), "rare: parts that jump more often are faulty", 1.0),
-        Parameter("size_dps", "dps", (0.01, 0.2), "consumer MEMS gyroscopes' random telegraph steps", 0.05),
-        Parameter("first", "fraction of the run", (0.2, 0.8), "time of the first jump, which can be any"),
-        Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
-    )
-    linear = ("size_dps",)
-    shown_against = "time"
-
-    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
-        if "n" not in values or "size_dps" not in values:  # nothing was found
-            return ""
-        size = shown["size_dps"].removeprefix("-")
-        if self.fault_of(values):
-            return f"{shown['outliers']} are single readings that are off, by {size} (root mean square)"
-        count = "1 jump" if values["n"] == 1 else f"{values['n']:.3g} jumps"
-        return f"{count} a run, each up or down by {size} (root mean square)"
-
-    def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
-        drawn = super().draw(values, rng)
-        return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
-
-    @property
-    def fault(self) -> ReadingFault:
-        return _SingleReadings()
-
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        return self.fault if values.get("outliers", 0.0) > 0 else None
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        """The start of another fit is empty: jumps are counted, not fitted, and outliers are detected again."""
-        return {} if self.fault_of(values) else super().structure(values) | {"n": values.get("n", 0.0)}
-
-    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
-        return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
-
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False if the jumps are in proportion to the rate or at the same times in several runs: the bias knows of neither."""
-        return not follow_the_rate(runs, axis) and not repeat_in_runs(runs, axis)
-
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """The number of times from which the jumps were chosen."""
-        steady = [r for r in runs if not r.rate_is_mean]
-        moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
-        return max(1, moments) ** min(20, self.picked(runs, axis))
-
-    def picked(self, runs: Sequence[Run], axis: int) -> int:
-        """The time of each jump."""
-        return sum(len(jumps(r, axis)) for r in runs)
-
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """One step function for each jump in this run, shape [n, MOST]; unused columns are zero."""
-        out = np.zeros((len(run), MOST))
-        for k, row in enumerate(jumps(run, axis)):
-            out[row:, k] = 1.0
-        return out
-
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0] * MOST
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(np.mean(coefficients))}
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(spread[0])}
-
-    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """Alternating jumps, shape [n], deg/s, evenly spaced from the first jump to the end of the run."""
-        n = round(values["n"])
-        at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
-        jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")
-        return values["size_dps"] * (jumps_so_far % 2).astype(np.float64)
-
-
-class _SingleReadings(ReadingFault):
+class Outliers(Fault):
     """Outliers: the part of the effect that is a fault of the reading."""
 
-    id, title, cause, equation = BiasJumps.id, BiasJumps.title, BiasJumps.cause, BiasJumps.equation
-    looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
+    def describes(self, values: Mapping[str, float]) -> bool:
+        return values.get("outliers", 0.0) > 0
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes.
@@ -307,3 +217,90 @@ class _SingleReadings(ReadingFault):
 
     def throws_out(self, values: Mapping[str, float]) -> bool:
         return values.get("outliers", 0.0) > 0
+
+
+class _UpOrDown(Coding):
+    """The steps of a run's jumps, which are up or down by one size."""
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
+        return {"size_dps": float(np.mean(coefficients))}
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {"size_dps": float(spread[0])}
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0] * MOST
+
+
+class BiasJumps(OfEachRun, InWords):
+    id = "bias_jumps"
+    title = "Jumps of the bias"
+    cause = (
+        "The bias steps to a new value between two samples and stays there. A trapped charge or a stress in the "
+        "package is released, a knock moves the mount, or the chip's own calibration changes a trim value. Single "
+        "readings far from their neighbours (outliers) come from bits that are lost on the bus."
+    )
+    equation = "±size_dps from each of n times on"
+    looks_like = "drift and colored_noise in averaged data; turn_on_bias if the bias jumps between runs"
+    measure_next = "repeat the recording, in which jumps occur at other times, and look for knocks in the accelerometer data"
+    parameters = (
+        Parameter("n", "jumps a run", (1.0, 5.0), "rare: parts that jump more often are faulty", 1.0),
+        Parameter("size_dps", "dps", (0.01, 0.2), "consumer MEMS gyroscopes' random telegraph steps", 0.05),
+        Parameter("first", "fraction of the run", (0.2, 0.8), "time of the first jump, which can be any"),
+        Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
+    )
+    linear, chosen = ("size_dps",), ("n",)
+    fault = Outliers()
+    shown_against = "time"
+
+    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
+        if "n" not in values or "size_dps" not in values:  # nothing was found
+            return ""
+        size = shown["size_dps"].removeprefix("-")
+        if self.fault_of(values):
+            return f"{shown['outliers']} are single readings that are off, by {size} (root mean square)"
+        count = "1 jump" if values["n"] == 1 else f"{values['n']:.3g} jumps"
+        return f"{count} a run, each up or down by {size} (root mean square)"
+
+    def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
+        drawn = super().draw(values, rng)
+        return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
+        return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
+
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """Not tried if the jumps are in proportion to the rate or at the same times in several runs: a bias does neither."""
+        return None if follow_the_rate(runs, axis) or repeat_in_runs(runs, axis) else "blocks"
+
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        """The times from which those of the jumps were chosen."""
+        steady = [r for r in runs if not r.rate_is_mean]
+        moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
+        found = sum(len(jumps(r, axis)) for r in runs)
+        return Looks(max(1, moments) ** min(20, found), found)
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        """One step function for each jump in this run, shape [n, MOST]; unused columns are zero."""
+        out = np.zeros((len(run), MOST))
+        for k, row in enumerate(jumps(run, axis)):
+            out[row:, k] = 1.0
+        return out
+
+    @property
+    def coding(self) -> Coding:
+        return _UpOrDown(self.linear)
+
+    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        """Alternating jumps, shape [n], deg/s, evenly spaced from the first jump to the end of the run."""
+        n = round(values["n"])
+        at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
+        jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")
+        return values["size_dps"] * (jumps_so_far % 2).astype(np.float64)

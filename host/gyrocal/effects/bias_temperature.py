@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, REFERENCE_C, temperature_moves, temperature_noise, warming_c
 from gyrocal.recording.session import Array, Run
 
 POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
 
 
-class BiasTemperature(Effect):
+class BiasTemperature(Effect, CourseWithoutData):
     id = "bias_temperature"
     title = "Bias over temperature"
     cause = (
@@ -40,7 +41,7 @@ class BiasTemperature(Effect):
     )
     linear = tuple(POWERS)
     origin_free = True
-    on_device = True
+    on_device, device_columns = True, POWERS
     law = Law(
         {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
         "(temp_c - 25)*(0.01 + (temp_c - 25)*(-3e-4 + (temp_c - 25)*2e-6))",
@@ -53,9 +54,6 @@ class BiasTemperature(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [dict.fromkeys(self.linear[:order], 0.0) for order in (1, 2, 3)]
 
-    def lacks(self, run: Run) -> bool:
-        return run.temp_c is None
-
     def unmeasured(self, run: Run, axis: int) -> Array | None:
         """The temperature [n] about its mean: it hardly moves, but with a large coefficient the readings may follow it.
 
@@ -65,7 +63,7 @@ class BiasTemperature(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         above_c = warming_c(run)
-        return stack(*(above_c ** POWERS[name] for name in self.used(values)))
+        return stack(*(above_c ** POWERS[name] for name in self.coding.used(values)))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         k1, k2, k3 = (values.get(name, 0.0) for name in POWERS)
@@ -75,12 +73,10 @@ class BiasTemperature(Effect):
             return above_c * (k1 + above_c * (k2 + above_c * k3))
 
         return term
+
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         found, above_c = temperature_noise(run, samples), warming_c(run)
         if found is None:
             return None
-        slopes = (POWERS[name] * above_c ** (POWERS[name] - 1) for name in self.used(values))
+        slopes = (POWERS[name] * above_c ** (POWERS[name] - 1) for name in self.coding.used(values))
         return stack(*(found[0] * slope**2 for slope in slopes)), found[1]
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(POWERS[name]),) for name in self.used(values)]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
+from gyrocal.effects.base import Effect, Looks, Mask, Parameter, Tried, Values, stack
 from gyrocal.effects.quantities import rate_about
-from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.reading_fault import Detected, Fault
 from gyrocal.effects.single_bits import BITS, apart_of, codes_of, count_dps_of, noise_of, single_power
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
@@ -37,6 +37,48 @@ LEAST_GAIN = 25.0
 noise gains up to 15 at one border and not at the others (480 axes without a fault)."""
 
 
+class TornReadings(Fault):
+    """Single readings that are off by a power of two of counts, and what the simulator plants."""
+
+    def describes(self, values: Mapping[str, float]) -> bool:
+        """A lost carry that was fitted has columns and a step for each reading. All else is a fault of single readings."""
+        return "below" not in values
+
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Detect outliers that all deviate by the value of one bit. By chance, one in ten has such a size.
+
+        Where noise hides single readings, their likelihood shows that some are torn.
+        """
+        found = single_power(runs, axis)
+        if found is None:
+            return _hidden(runs, axis)
+        bit, number = found
+        carry = lost_carry(runs, axis)
+        if carry is not None and number < 0.5 * _carries(runs, axis, carry):
+            return None  # whole stretches lack the carry, which the step describes
+        values = {"bit": float(bit), "step_dps": 2.0**bit * count_dps_of(runs, axis), "fraction": number / sum(map(len, runs))}
+        return Detected(values, {}, 10.0 ** -min(number, 100))
+
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
+        rows, apart_dps = apart_of(run, axis)
+        out = modelled_dps.copy()
+        if values["step_dps"] < STANDS_OUT * white_sd_dps:
+            count_dps = 2.0 ** -values["bit"] * values["step_dps"]
+            codes, rest = codes_of(run, axis, count_dps), (run.gyro_dps[:, axis] - modelled_dps) / count_dps
+            return out + count_dps * expected_shift(codes, rest, round(values["bit"]), values["fraction"])
+        out[rows] += apart_dps
+        return out
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """Readings [n, 3] in which a fraction of the carries into ``bit`` is lost on all axes, deg/s."""
+        count_dps = run.lsb_dps or 2.0 ** -values["bit"] * abs(values["step_dps"])
+        on = carried(y_dps, count_dps, round(values["bit"]), values.get("below", 0.5))
+        return y_dps + values["step_dps"] * (on & (rng.random(y_dps.shape) < values["fraction"]))
+
+    def throws_out(self, values: Mapping[str, float]) -> bool:
+        return True
+
+
 class ByteFault(Effect):
     id = "byte_fault"
     title = "Wrongly assembled codes"
@@ -60,7 +102,9 @@ class ByteFault(Effect):
         Parameter("fraction", "fraction", (0.001, 1.0), "1 if each carry is lost, less if it depends on the time", 1.0),
         Parameter("below", "fraction", (0.125, 0.875), "part of the low bits' range that follows a carry", 0.5),
     )
-    linear = ("step_dps",)
+    linear, chosen = ("step_dps",), ("bit", "below", "fraction")
+    fault = TornReadings()
+    acts_on = "all"
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if np.isfinite(count_dps_of(runs, axis)) else "readings on a grid of counts, or lsb_dps in session.toml"
@@ -70,29 +114,15 @@ class ByteFault(Effect):
         drawn = super().draw(values, rng)
         return drawn if "below" in values else {name: v for name, v in drawn.items() if name != "below"}
 
-    @property
-    def fault(self) -> ReadingFault:
-        return _SingleReadings()
-
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        """A lost carry that was fitted has columns and a step for each reading. All else is a fault of single readings."""
-        return None if "below" in values else self.fault
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
-
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        return lost_carry(runs, axis) is not None
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        return None if lost_carry(runs, axis) is None else "blocks"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         carry = lost_carry(runs, axis) or Carry(7, 0.5, 1.0, 0.0)
         return [{"bit": float(carry.bit), "below": carry.below, "fraction": carry.fraction, "step_dps": 0.0}]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return len(BITS) * len(BELOW)
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        return {} if self.fault_of(values) else dict(values)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(len(BITS) * len(BELOW))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         count_dps = count_dps_of([run], axis)
@@ -247,44 +277,3 @@ def _hidden(runs: Sequence[Run], axis: int) -> Detected | None:
     chance = len(BITS) * 0.5 * float(tails.chi_square(2 * found.gain, 1))
     values = {"bit": float(found.bit), "step_dps": 2.0**found.bit * count_dps_of(runs, axis), "fraction": found.share}
     return Detected(values, {}, chance)
-
-
-class _SingleReadings(ReadingFault):
-    """Single readings that are off by a power of two of counts, and what the simulator plants."""
-
-    id, title, cause, equation = ByteFault.id, ByteFault.title, ByteFault.cause, ByteFault.equation
-    looks_like, measure_next, parameters = ByteFault.looks_like, ByteFault.measure_next, ByteFault.parameters
-
-    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers that all deviate by the value of one bit. By chance, one in ten has such a size.
-
-        Where noise hides single readings, their likelihood shows that some are torn.
-        """
-        found = single_power(runs, axis)
-        if found is None:
-            return _hidden(runs, axis)
-        bit, number = found
-        carry = lost_carry(runs, axis)
-        if carry is not None and number < 0.5 * _carries(runs, axis, carry):
-            return None  # whole stretches lack the carry, which the step describes
-        values = {"bit": float(bit), "step_dps": 2.0**bit * count_dps_of(runs, axis), "fraction": number / sum(map(len, runs))}
-        return Detected(values, {}, 10.0 ** -min(number, 100))
-
-    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        rows, apart_dps = apart_of(run, axis)
-        out = modelled_dps.copy()
-        if values["step_dps"] < STANDS_OUT * white_sd_dps:
-            count_dps = 2.0 ** -values["bit"] * values["step_dps"]
-            codes, rest = codes_of(run, axis, count_dps), (run.gyro_dps[:, axis] - modelled_dps) / count_dps
-            return out + count_dps * expected_shift(codes, rest, round(values["bit"]), values["fraction"])
-        out[rows] += apart_dps
-        return out
-
-    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Readings [n, 3] in which a fraction of the carries into ``bit`` is lost on all axes, deg/s."""
-        count_dps = run.lsb_dps or 2.0 ** -values["bit"] * abs(values["step_dps"])
-        on = carried(y_dps, count_dps, round(values["bit"]), values.get("below", 0.5))
-        return y_dps + values["step_dps"] * (on & (rng.random(y_dps.shape) < values["fraction"]))
-
-    def throws_out(self, values: Mapping[str, float]) -> bool:
-        return True

@@ -44,5 +44,6 @@ class Centripetal(Effect):
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         k = values["k"]
         return lambda rate_dps, temp_c, power_on_s, acc_g: k * rate_dps * rate_dps
+
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         return [square_of_slope()]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Mask, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Looks, Mask, Objection, Parameter, Refinement, Tried, Values, stack
 from gyrocal.effects.quantities import rate_about
 from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
@@ -67,24 +67,25 @@ class DeadBand(Effect):
         best = int(np.argmax(scores))
         return [{"width_dps": WIDTHS_DPS[k], "depth": 0.0} for k in range(max(0, best - 1), min(len(WIDTHS_DPS), best + 2))]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return len(WIDTHS_DPS)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(len(WIDTHS_DPS))
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        return float(_scores(runs, axis).max()) > FIRST_SIGHT
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        return "samples" if float(_scores(runs, axis).max()) > FIRST_SIGHT else None
 
-    def contradicted(self, values: Values, explained: float | None) -> bool:
-        """True if small rates are not lost for the most part, or reversed: the error in this range is another effect's."""
-        return not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """Rounding makes a band narrower than the step of the readings.
 
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """False for a band narrower than the step of the readings, which rounding makes."""
-        return values["width_dps"] > min((float(r.step_dps.max()) for r in runs), default=0.0)
+        Where small rates are not lost for the most part, or are reversed, the error in this range is another effect's.
+        """
+        if values["width_dps"] <= min((float(r.step_dps.max()) for r in runs), default=0.0):
+            yield Objection.UNSEEN
+        if not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH:
+            yield Objection.CONTRADICTED
 
-    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
-        return 0.1
-
-    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
         """The edge of the band lies anywhere between the nearest rates below and above it: their distance over sqrt(12).
 
         A measured rate is known there as well as smoothing agrees with the reference where the rate passes the edge, which it
@@ -94,7 +95,8 @@ class DeadBand(Effect):
         rates = np.concatenate([np.abs(rate_about(r, axis)) for r in runs if not r.rate_is_mean])
         below, above = rates[rates < width].max(initial=0.0), rates[rates >= width].min(initial=np.inf)
         between = float((above - below) / np.sqrt(12)) if np.isfinite(above) else 0.0
-        return float(np.linalg.norm([between, _beyond_the_edge_dps(runs, axis, width), _smoothed_dps(runs, axis, width)]))
+        known = np.linalg.norm([between, _beyond_the_edge_dps(runs, axis, width), _smoothed_dps(runs, axis, width)])
+        return Refinement(0.1, float(known))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         w_dps = rate_about(run, axis)

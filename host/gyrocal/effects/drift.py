@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import cycle_time_s, in_one_power_cycle
+from gyrocal.effects.base import AtSample, Case, Effect, Law, OneCycle, Parameter, stack
+from gyrocal.effects.quantities import cycle_time_s
 from gyrocal.recording.session import Array, Run
-
-ONE_CYCLE = (
-    "In the only power cycle of this session the bias changes linearly with time, which does not tell whether it does so in "
-    "each: noise wanders too, but differently each time. A drift has the same k_dps_per_s in a second power cycle."
-)
-SECOND_CYCLE = "the same runs in a second power cycle: k_dps_per_s is the same again if the bias drifts in each"
 
 
 class Drift(Effect):
@@ -30,6 +24,11 @@ class Drift(Effect):
         "single run"
     )
     measure_next = "one run at rest of ten minutes or more from power-on: a warm-up flattens, a drift does not"
+    one_cycle = OneCycle(
+        "In the only power cycle of this session the bias changes linearly with time, which does not tell whether it does so "
+        "in each: noise wanders too, but differently each time. A drift has the same k_dps_per_s in a second power cycle.",
+        "the same runs in a second power cycle: k_dps_per_s is the same again if the bias drifts in each",
+    )
     parameters = (
         Parameter(
             "k_dps_per_s", "dps/s", (2e-5, 1e-3), "consumer MEMS gyroscopes: 5-50 mdps over the first minutes", 2e-4
@@ -41,13 +40,8 @@ class Drift(Effect):
     law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
     cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)
 
-    def cause_in(self, runs: Sequence[Run]) -> str:
-        return ONE_CYCLE if in_one_power_cycle(runs) else self.cause
-
-    def measure_next_in(self, runs: Sequence[Run]) -> str:
-        return f"{SECOND_CYCLE}; {self.measure_next}" if in_one_power_cycle(runs) else self.measure_next
-
     def lacks(self, run: Run) -> bool:
+        """Without the time since power-on, the pauses between runs are unknown: a drift can be removed then, but not shown."""
         return run.power_on_s is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:

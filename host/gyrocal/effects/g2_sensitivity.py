@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values
+from gyrocal.effects.optional import OwnLine
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
@@ -23,7 +24,7 @@ LINE, LINE_HZ = 100.0, 0.2
 """Power of a line over the median of the spectrum, and the distance in Hz within which two lines are one."""
 
 
-class G2Sensitivity(Effect):
+class G2Sensitivity(Effect, OwnLine):
     id = "g2_sensitivity"
     title = "Rectified vibration"
     cause = (
@@ -51,7 +52,7 @@ class G2Sensitivity(Effect):
         for name, default in ((TOTAL, 0.01), *((name, 0.0) for name in (*ALONG, LOST)))
     )  # fmt: skip
     linear = (TOTAL, *ALONG, LOST)
-    on_device = True
+    on_device, device_columns = True, {TOTAL: ALL, **ALONG}  # what a low-pass takes away needs the samples of a second
     origin_free = True  # gravity alone is a constant
     law = Law({TOTAL: 0.01, "kx_dps_per_g2": 0.002}, "0.01*(ax**2 + ay**2 + az**2) + 0.002*ax**2")
     cases = (Case({TOTAL: 0.01}, (TOTAL,), "shaker"),)
@@ -77,15 +78,16 @@ class G2Sensitivity(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)
         if acc_g is None:
-            return np.zeros((len(run), len(self.used(values))))
+            return np.zeros((len(run), len(self.coding.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1), -_fast_g2(run)])
-        return np.asarray(squares[:, [{**ALONG, LOST: FAST}.get(name, ALL) for name in self.used(values)]])
+        return np.asarray(squares[:, [{**ALONG, LOST: FAST}.get(name, ALL) for name in self.coding.used(values)]])
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample | None:
         if not self.runs_on_device(values):
             return None
         x, y, z = (values.get(TOTAL, 0.0) + values.get(name, 0.0) for name in ALONG)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] ** 2 + y * acc_g[1] ** 2 + z * acc_g[2] ** 2
+
     def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
         """That of the whole squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
         whole = {name: value for name, value in values.items() if name != LOST}
@@ -99,12 +101,6 @@ class G2Sensitivity(Effect):
             ratios.append(float(power[near].max(initial=0.0)) / max(float(np.median(power)), 1e-300))
             squares.append(4 * float(power[near].sum()) / (len(run) * float(window @ window)))
         return float(np.sqrt(np.mean(squares))) if max(ratios, default=0.0) > LINE else 0.0
-
-    def runs_on_device(self, values: Mapping[str, float]) -> bool:
-        return LOST not in values  # what the low-pass takes away needs the samples of a second
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
 from gyrocal.recording.session import Array, Run
 
@@ -15,7 +16,7 @@ COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
 LEAST_CHANGE_G = 0.05
 
 
-class GSensitivity(Effect):
+class GSensitivity(Effect, CourseWithoutData):
     id = "g_sensitivity"
     title = "Sensitivity to gravity and acceleration"
     cause = (
@@ -44,7 +45,7 @@ class GSensitivity(Effect):
     )
     linear = tuple(COMPONENTS)
     origin_free = True
-    on_device = True
+    on_device, device_columns = True, COMPONENTS
     law = Law(
         {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05}, "0.01*ax - 0.02*ay + 0.05*az"
     )
@@ -60,9 +61,6 @@ class GSensitivity(Effect):
         names = self._moving(runs) or list(self.linear)
         return [dict.fromkeys(chosen, 0.0) for k in range(1, len(names) + 1) for chosen in combinations(names, k)]
 
-    def lacks(self, run: Run) -> bool:
-        return run.acc_g is None
-
     def unmeasured(self, run: Run, axis: int) -> Array | None:
         """Gravity along the table's axis, of which the face says the sign."""
         return np.full(len(run), run.face_sign) if run.acc_g is None else None
@@ -70,14 +68,12 @@ class GSensitivity(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)
         if acc_g is None:
-            return np.zeros((len(run), len(self.used(values))))
-        return stack(*(acc_g[:, COMPONENTS[name]] for name in self.used(values)))
+            return np.zeros((len(run), len(self.coding.used(values))))
+        return stack(*(acc_g[:, COMPONENTS[name]] for name in self.coding.used(values)))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         x, y, z = (values.get(name, 0.0) for name in COMPONENTS)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] + y * acc_g[1] + z * acc_g[2]
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(float(COMPONENTS[name]),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """Components whose mean over a tenth of a run changes by more than the noise between or within runs, with the pose."""

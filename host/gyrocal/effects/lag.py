@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from gyrocal.effects.base import Effect, Law, Parameter, Values
+from gyrocal.effects.base import Effect, Law, Objection, Parameter, Values
 from gyrocal.effects.sampling_fault import SamplingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.policy import POLICY
@@ -46,21 +46,23 @@ class Lag(TimingEffect):
             sized=False,
         ),
     )
-    linear = ("tau_s",)
+    linear, chosen = ("tau_s",), ("order",)
     law = Law({"tau_s": 0.004}, None, degree=1)
 
-    def contradicted(self, values: Values, explained: float | None) -> bool:
-        """True if the reading leads and that is not the main cause. A late reference makes it lead, and so does friction."""
-        return values["tau_s"] < 0 and (explained is None or explained < POLICY.main_cause)
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """A late reference makes the reading lead, and so does friction, unless that is the main cause.
 
-    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
-        """True if the delay is what repeated readings make on average, whether or not they are among the ``known`` effects."""
+        Repeated readings make a delay on average, whether or not they are among the ``known`` effects.
+        """
+        tau_s = values.get("tau_s", 0.0)
+        if tau_s < 0:
+            yield Objection.MINOR
         found = SamplingFault().detect(runs, axis)
         late = 0.0 if found is None else SamplingFault.late_samples(found.values)
-        return abs(values["tau_s"]) < POLICY.late_repeats * late / runs[0].sample_rate_hz
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        return super().structure(values) | {"order": values.get("order", 0.0)}
+        if abs(tau_s) < POLICY.late_repeats * late / runs[0].sample_rate_hz:
+            yield Objection.REPEATS
 
     def shapes(self, values: Mapping[str, float]) -> list[Values]:
         return [{**values, "order": order} for order in (0.0, 1.0)]

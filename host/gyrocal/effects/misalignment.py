@@ -36,11 +36,9 @@ class Misalignment(Effect):
         for name in ABOUT
     )
     linear = tuple(ABOUT)
+    acts_on = "others"
     is_gain = True
     cases = (Case({"m": 0.005}, ("m",), "full", "x"),)
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return tuple(i for i in range(3) if i != run.axis_index)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         needed = "a run in which the table turns about another axis at a known rate or by a known angle"
@@ -55,14 +53,9 @@ class Misalignment(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.three_axes:
-            return stack(*(_others_dps(run, axis, ABOUT[name]) for name in self.used(values)))
+            return stack(*(_others_dps(run, axis, ABOUT[name]) for name in self.coding.used(values)))
         rate_dps = np.zeros(len(run)) if axis == run.axis_index else true_rate_dps(run)
-        return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
-
-    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
-        """The parts of the rates about all other axes, shape [n], deg/s."""
-        others = [self.term(run, axis, values) for i, run in turning.items() if i != axis]
-        return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
+        return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.coding.used(values)))
 
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
         """The other axes about which the table turns. A turn of known angle shows the leak by its mean rate."""

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.base import (
+    Case,
+    Effect,
+    Law,
+    Looks,
+    Objection,
+    Parameter,
+    Refinement,
+    Tried,
+    Values,
+    elapsed_s,
+    table_angle_rad,
+)
 from gyrocal.effects.earth_rate import may_be_in_plane
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import LEAST_RUNS, ONE_RATE, TableWave, Tone
@@ -183,6 +195,21 @@ def turns(run: Run) -> bool:
     return not run.rate_is_mean and bool(np.any(run.rate_dps))
 
 
+def _ripple_dps(order: int, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> float:
+    """The largest amplitude of a ripple of the same order among the ``known`` effects, deg/s; 0 if there is none.
+
+    Where a table of known angle reverses, a ripple leaves a small tone over, because readings are late.
+    """
+    largest_dps = max((float(np.abs(rate_about(r, axis)).max()) for r in runs), default=0.0)
+    return max((
+        of[name] * largest_dps
+        for effect, of in known
+        if isinstance(effect, TableWave)
+        for name, k in zip(effect.linear, effect.orders, strict=True)
+        if k == order and name in of
+    ), default=0.0)  # fmt: skip
+
+
 class OrderTone(Tone):
     id = "order_tone"
     title = "A tone fixed to the table's angle"
@@ -209,6 +236,7 @@ class OrderTone(Tone):
         Parameter("phase_deg", "deg", (-180.0, 180.0), "the table's angle at the start", sized=False),
     )  # fmt: skip
     nonlinear = ("order",)
+    fixed_by = "table_angle_deg"
     rate_power = 0.0
     on_device = True
     law = Law({"order": 5.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(5*theta)")
@@ -222,10 +250,6 @@ class OrderTone(Tone):
         """True at rest: a tilt's or a magnet's tone then holds its value at the standing angle, which is not in the model."""
         return not run.rate_is_mean and not turns(run)
 
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        known = all(r.column("table_angle_deg") is not None for r in runs)
-        return "session" if known and runs else "run"
-
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest line over the table's angle and other significant ones.
 
@@ -238,50 +262,40 @@ class OrderTone(Tone):
         peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
         if _few_turns(runs):
-            return len(WHOLE) + round(HIGHEST * swept_turns(runs))
-        return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
+            return Looks(len(WHOLE) + round(HIGHEST * swept_turns(runs)))
+        return Looks(max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size)))
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """The line that counts is the strongest one over the table's angle. Over few turns there is no spectrum of it."""
         if _few_turns(runs):
-            return True
+            return super().tried_on(runs, axis, 0.0)
         peaks = _lines(runs, axis)
-        return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
+        return super().tried_on(runs, axis, peaks[0].chance) if peaks else None
 
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         return values["order"] * max(float(np.abs(r.rate_dps).max()) for r in runs) / 360
 
-    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
         turned = max((float(np.ptp(turned_turn(r))) for r in runs if turns(r)), default=1.0)
-        return 0.1 / (values["order"] * max(turned, 0.1))
+        return Refinement(0.1 / (values["order"] * max(turned, 0.1)))
 
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """False for an order beside a whole number, at the only rate of the table: nothing fixes such a wave to its angle."""
-        turning = [r for r in runs if turns(r)]
-        if not turning or len(turning) == 1 or told_from_frequency(runs, FEW_TURNS):
-            return True
-        return abs(values["order"] - round(values["order"])) * swept_turns(runs) < NOT_WHOLE
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """Nothing fixes an order beside a whole number to the table's angle at the only rate of the table.
 
-    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
-        """A ripple leaves a small tone of its own order where a table of known angle reverses, because readings are late.
-
-        Once per turn, an axis in the table's plane reads the Earth's rate.
+        Once per turn, an axis in the table's plane reads the Earth's rate, and a ripple leaves a small tone of its own order.
         """
         order = round(values["order"])
-        if abs(values["order"] - order) > NEAR_WHOLE:
-            return False
-        if order == 1 and may_be_in_plane(runs, axis, values["A_dps"]):
-            return True
-        largest_dps = max((float(np.abs(rate_about(r, axis)).max()) for r in runs), default=0.0)
-        sizes = [
-            of[name] * largest_dps
-            for effect, of in known
-            if isinstance(effect, TableWave)
-            for name, k in zip(effect.linear, effect.orders, strict=True)
-            if k == order and name in of
-        ]
-        return values["A_dps"] < LEFT_OF_RIPPLE * max(sizes, default=0.0)
+        beside, several = abs(values["order"] - order), sum(map(turns, runs)) > 1
+        if several and not told_from_frequency(runs, FEW_TURNS) and beside * swept_turns(runs) >= NOT_WHOLE:
+            yield Objection.UNSEEN
+        if beside <= NEAR_WHOLE:
+            of_earth = order == 1 and may_be_in_plane(runs, axis, values["A_dps"])
+            if of_earth or values["A_dps"] < LEFT_OF_RIPPLE * _ripple_dps(order, runs, axis, known):
+                yield Objection.REPEATS
 
     def periods(self, run: Run, values: Mapping[str, float]) -> Array:
         return values["order"] * turned_turn(run)

@@ -98,15 +98,6 @@ def cycle_time_s(run: Run) -> Array:
     return elapsed_s(run) + run.earlier_s if since_s is None else since_s
 
 
-def in_one_power_cycle(runs: Sequence[Run]) -> bool:
-    """True if the runs that know their time since power-on, or all if none does, are of one power cycle.
-
-    One power cycle cannot show that anything repeats.
-    """
-    known = [run for run in runs if run.power_on_s is not None] or runs
-    return len({run.scenario for run in known}) == 1
-
-
 def temperature_c(run: Run) -> Array | None:
     """Temperature, shape [n], degC, without the thermometer's noise."""
     if run.smooth_temp is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,25 +21,15 @@ class Detected:
     chance: float
 
 
-class ReadingFault(Effect):
-    """A fault of the reading. It has no columns: :meth:`detect` finds it, :meth:`distort` plants it."""
+class Fault(ABC):
+    """An error that occurs after the rate was sensed: :meth:`detect` finds it, :meth:`distort` plants it."""
 
-    uncorrected = "the reading no longer contains what would be needed to undo it"
     clips: ClassVar[bool] = False
     """True if this fault describes readings that stay at a limit."""
 
-    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        return self
-
-    @property
-    def fault(self) -> ReadingFault:
-        return self
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
-
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return np.zeros((len(run), 0))
+    def describes(self, values: Mapping[str, float]) -> bool:
+        """True if these values of its effect are those of the fault; else they are those of a term of the reading."""
+        return True
 
     @abstractmethod
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
@@ -64,3 +54,16 @@ class ReadingFault(Effect):
     def throws_out(self, values: Mapping[str, float]) -> bool:
         """True if this fault produces outliers."""
         return False
+
+
+class ReadingFault(Effect, Fault):
+    """An effect that is a fault of the reading and nothing else, so that it has no columns."""
+
+    uncorrected = "the reading no longer contains what would be needed to undo it"
+    acts_on = "all"
+
+    def __init__(self) -> None:
+        self.fault = self
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return np.zeros((len(run), 0))

@@ -45,15 +45,13 @@ class ScaleTemperature(Effect):
             return TURNING
         return None if temperature_moves(runs) else MOVING_TEMPERATURE
 
-    def lacks(self, run: Run) -> bool:
-        return run.temp_c is None
-
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(warming_c(run) * rate_about(run, axis))
 
     def at_sample(self, values: Mapping[str, float]) -> AtSample:
         k = values["k_per_c"]
         return lambda rate_dps, temp_c, power_on_s, acc_g: k * (temp_c - REFERENCE_C) * rate_dps
+
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         found = temperature_noise(run, samples)
         return None if found is None else (stack(found[0] * rate_about(run, axis) ** 2), found[1])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Law, OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Effect, Law, Objection, OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.mistaken import by_temperature, settling_scale
 from gyrocal.effects.quantities import power_on_time_s, rate_about, temperature_moves, turns
 from gyrocal.parameter import POSITIVE
@@ -48,11 +48,14 @@ class SpinUp(OfEachRun):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(0.5, 16.0, 6)]
 
-    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
-        """False if the transient does not end within the longest run, or would last longer than any table's if it could."""
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """A transient does not end within the longest run, or would last longer than any table's if it could."""
         longest_s = max((r.duration_s for r in runs if _is_stated(r) and np.any(r.rate_dps)), default=0.0)
         slowest_s = self.parameter("tau_s").search_range[1]
-        return values["tau_s"] < min(0.99 * slowest_s, longest_s / -np.log(SEEN))
+        if values["tau_s"] >= min(0.99 * slowest_s, longest_s / -np.log(SEEN)):
+            yield Objection.UNSEEN
 
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """A scale that settles after power-on and not in each run, and what follows the measured temperature."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Law, Parameter, Values
+from gyrocal.effects.base import Law, Parameter, Tried, Values
 from gyrocal.effects.order_tone import HARMONIC, strong_orders, waves_per_turn
 from gyrocal.effects.quantities import TURNING, rate_about
 from gyrocal.effects.wave import TableWave
@@ -48,7 +48,7 @@ class TableRipple(TableWave):
     phases = tuple(f"phase_{k}_deg" for k in ORDERS)
     orders = ORDERS
     needs = TURNING
-    on_device = True
+    on_device, device_columns = True, dict(zip(linear, ORDERS, strict=True))
     offered_as = "a ripple of the turntable"
     law = Law({"amplitude_2": 0.002, "phase_2_deg": 90.0}, "-rate*0.002*sin(2*theta)", degree=1)
 
@@ -57,8 +57,8 @@ class TableRipple(TableWave):
         growing = [dict.fromkeys(self.linear[:k], 0.0) for k in ORDERS[1:]]
         return single + growing
 
-    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        """False for a pulse once a turn, as of a magnet beside the table.
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """Not tried for a pulse once a turn, as of a magnet beside the table.
 
         The lines of a narrow one go on beyond those of a ripple. Those of a wide one fall from order to order, and all their
         crests (or all their troughs) are at the angle of the pulse.
@@ -66,7 +66,7 @@ class TableRipple(TableWave):
         lines = strong_orders(runs, axis)
         strongest_dps = max((size for k, size in lines.items() if k in ORDERS), default=0.0)
         beyond = sum(lines.get(k, 0.0) > HARMONIC * strongest_dps for k in BEYOND)
-        return beyond < len(BEYOND) and not _is_wide_pulse(runs, axis)
+        return None if beyond >= len(BEYOND) or _is_wide_pulse(runs, axis) else "blocks"
 
     def size(self, run: Run, axis: int) -> Array:
         return rate_about(run, axis)

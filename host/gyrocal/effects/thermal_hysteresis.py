@@ -52,7 +52,7 @@ class ThermalHysteresis(Effect):
         ),
     )  # fmt: skip
     linear = ("amplitude_dps",)
-    nonlinear = ("width_c",)
+    nonlinear, chosen = ("width_c",), ("start",)
     law = Law({"amplitude_dps": 0.1, "width_c": 4.0}, None)
     cases = (Case({"amplitude_dps": 0.1, "width_c": 5.0}, ("amplitude_dps", "width_c"), "chamber"),)
 
@@ -66,9 +66,6 @@ class ThermalHysteresis(Effect):
         range_c = max(float(np.ptp(_course_c(r))) for r in runs if r.temp_c is not None)
         widths = [w for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
         return [{"width_c": w, "start": s, "amplitude_dps": 0.0} for w in widths for s in STARTS]
-
-    def structure(self, values: Mapping[str, float]) -> Values:
-        return super().structure(values) | {"start": values.get("start", 0.0)}
 
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """Any function of the temperature: where all runs go the same way from the same temperature, a hysteresis is one."""

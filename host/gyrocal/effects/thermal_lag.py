@@ -49,8 +49,5 @@ class ThermalLag(Effect):
             return None
         return "a run of 10 s or more in which the temp_c column moves by 0.2 °C or more"
 
-    def lacks(self, run: Run) -> bool:
-        return run.temp_c is None
-
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(temperature_slope_c_s(run))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s, is_left_of_a_line
+from gyrocal.effects.base import Effect, Law, Looks, Objection, Parameter, Refinement, Values, elapsed_s
+from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import harmonic_of_turn
 from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE
@@ -67,19 +68,22 @@ class VibrationTone(Tone):
         peaks = tops[np.argsort(power[tops])[::-1][:PEAKS]]
         return [{"f_hz": float(frequency_hz[k]), "A_dps": 0.0} for k in peaks]
 
-    def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return int(_power(runs, axis)[0].size)
+    def looks(self, runs: Sequence[Run], axis: int) -> Looks:
+        return Looks(int(_power(runs, axis)[0].size))
 
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         return values["f_hz"]
 
-    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
         """Rectified vibration has a line of its own, which the gyroscope's low-pass changes; a pulse once a turn has many."""
         f_hz = values["f_hz"]
-        return harmonic_of_turn(runs, axis, f_hz) or is_left_of_a_line(known, runs, axis, f_hz, values["A_dps"])
+        if harmonic_of_turn(runs, axis, f_hz) or is_left_of_a_line(known, runs, axis, f_hz, values["A_dps"]):
+            yield Objection.REPEATS
 
-    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
-        return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))
+    def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:
+        return Refinement(0.2 / (values["f_hz"] * max(r.duration_s for r in runs)))
 
     def periods(self, run: Run, values: Mapping[str, float]) -> Array:
         return values["f_hz"] * elapsed_s(run)

@@ -7,20 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.base import AtSample, Case, Effect, Law, OneCycle, Parameter, Values, stack
 from gyrocal.effects.mistaken import settling_scale
-from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s, turns
+from gyrocal.effects.quantities import power_on_time_s, turns
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
 SEARCH_S = (3.0, 200.0)
 """Range of the time constant, s. Settling that is slower than the thermal time of any package is called drift."""
-
-ONE_CYCLE = (
-    "In the only power cycle of this session the bias approaches a final value, which does not tell whether it does so after "
-    "each power-on. A warm-up has the same A_dps and tau_s in a second power cycle, and noise that wanders has not."
-)
-SECOND_CYCLE = "the same runs in a second power cycle: A_dps and tau_s are the same again if each power-on causes the settling"
 
 
 class Warmup(Effect):
@@ -40,6 +34,11 @@ class Warmup(Effect):
     measure_next = (
         "wait two minutes after power-on before the first run, or leave the part at rest from power-on for five minutes"
     )
+    one_cycle = OneCycle(
+        "In the only power cycle of this session the bias approaches a final value, which does not tell whether it does so "
+        "after each power-on. A warm-up has the same A_dps and tau_s in a second power cycle, and noise that wanders has not.",
+        "the same runs in a second power cycle: A_dps and tau_s are the same again if each power-on causes the settling",
+    )
     parameters = (
         Parameter("A_dps", "dps", (0.005, 0.05), "consumer MEMS gyroscopes, the first minutes after power-on", 0.03),
         Parameter(
@@ -54,12 +53,6 @@ class Warmup(Effect):
     law = Law({"A_dps": 0.03, "tau_s": 12.0}, "0.03*exp(-power_on_s/12)")
     cases = (Case({"A_dps": 0.05, "tau_s": 15.0}, ("A_dps", "tau_s")),)
 
-    def cause_in(self, runs: Sequence[Run]) -> str:
-        return ONE_CYCLE if in_one_power_cycle(runs) else self.cause
-
-    def measure_next_in(self, runs: Sequence[Run]) -> str:
-        return f"{SECOND_CYCLE}; {self.measure_next}" if in_one_power_cycle(runs) else self.measure_next
-
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         known = any(r.power_on_s is not None for r in runs)
         return None if known else "power_on_s (from power-on to the first sample) of the runs in session.toml"
@@ -70,9 +63,6 @@ class Warmup(Effect):
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """A scale that settles after power-on, which changes its sign with the rate and does nothing at rest."""
         return [settling_scale()] if turns(runs, axis) else []
-
-    def lacks(self, run: Run) -> bool:
-        return run.power_on_s is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Values, stack, table_angle_rad
+from gyrocal.effects.base import Array, Effect, OfEachRun, Run, Tried, Values, stack, table_angle_rad
+from gyrocal.effects.coding import Coding
 from gyrocal.effects.mistaken import same_in_each_run
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL, unit_wave
 
@@ -17,12 +18,47 @@ ONE_RATE = 0.2
 """Runs whose rates differ by less than this fraction of the largest rate do not show how a size depends on the rate."""
 
 
+class AmplitudePhase(Coding):
+    """The cosine and the sine of waves: each linear parameter is an amplitude, with a phase in degrees at the same place.
+
+    An amplitude is in use if the values contain it and every nonlinear parameter. If the phase differs from run to run, both
+    coefficients are random about zero and share one spread.
+    """
+
+    parts = ((0.0,), (1.0,))
+
+    def __init__(self, linear: Sequence[str], phases: Sequence[str], nonlinear: Sequence[str]) -> None:
+        super().__init__(linear)
+        self.phase_of = dict(zip(linear, phases, strict=True))
+        self.nonlinear = nonlinear
+
+    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        return super().used(values) if all(name in values for name in self.nonlinear) else ()
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        phase = {name: np.deg2rad(values.get(self.phase_of[name], 0.0)) for name in self.used(values)}
+        return np.array([part for n, p in phase.items() for part in (values[n] * np.cos(p), -values[n] * np.sin(p))])
+
+    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
+        named: Values = {}
+        for name, (a, b) in zip(self.used(values), coefficients.reshape(-1, 2), strict=True):
+            named[name] = float(np.hypot(a, b))
+            named[self.phase_of[name]] = float(np.rad2deg(np.arctan2(-b, a)))
+        return named
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        # At an unknown phase, cosine and sine each carry half of the wave's mean square.
+        return np.repeat([values[name] / np.sqrt(2) for name in self.used(values)], 2)
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {name: float(sd * np.sqrt(2)) for name, sd in zip(self.used(values), spread[::2], strict=True)}
+
+
 class Wave(OfEachRun):
     """A sum of ``amplitude·size·cos(angle + phase)``.
 
-    ``linear`` names the amplitudes, and ``phases`` names their phases in degrees in the same order. An amplitude is in use if
-    the values contain it and every nonlinear parameter is known. Each amplitude in use has two columns, ``size·cos(angle)`` and
-    ``size·sin(angle)``. If the phase differs from run to run, both coefficients are random about zero and share one spread.
+    ``linear`` names the amplitudes, and ``phases`` names their phases in degrees in the same order. Each amplitude in use has
+    two columns, ``size·cos(angle)`` and ``size·sin(angle)``.
     """
 
     phases: ClassVar[tuple[str, ...]]
@@ -35,43 +71,13 @@ class Wave(OfEachRun):
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """``size·exp(i·angle)`` for the amplitude ``name``, shape [n], deg/s per unit of the amplitude."""
 
-    def shape(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
-        """The values that distinguish the wave of the amplitude ``name`` from others: the first arguments of its C twin."""
-        return tuple(values[n] for n in self.nonlinear)
-
-    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        return super().used(values) if all(name in values for name in self.nonlinear) else ()
+    @property
+    def coding(self) -> Coding:
+        return AmplitudePhase(self.linear, self.phases, self.nonlinear)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        waves = [self.wave(run, axis, values, name) for name in self.used(values)]
+        waves = [self.wave(run, axis, values, name) for name in self.coding.used(values)]
         return stack(*(part for wave in waves for part in (wave.real, wave.imag))) if waves else np.zeros((len(run), 0))
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        phase = {name: np.deg2rad(values.get(self._phase(name), 0.0)) for name in self.used(values)}
-        return np.array([part for n, p in phase.items() for part in (values[n] * np.cos(p), -values[n] * np.sin(p))])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        named: Values = {}
-        for name, (a, b) in zip(self.used(values), coefficients.reshape(-1, 2), strict=True):
-            named[name] = float(np.hypot(a, b))
-            named[self._phase(name)] = float(np.rad2deg(np.arctan2(-b, a)))
-        return named
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        # At an unknown phase, cosine and sine each carry half of the wave's mean square.
-        return np.repeat([values[name] / np.sqrt(2) for name in self.used(values)], 2)
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {name: float(sd * np.sqrt(2)) for name, sd in zip(self.used(values), spread[::2], strict=True)}
-
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [i for i in range(len(self.used(values))) for _ in range(2)]
-
-    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        return [(*self.shape(values, name), part) for name in self.used(values) for part in (0.0, 1.0)]
-
-    def _phase(self, name: str) -> str:
-        return self.phases[self.linear.index(name)]
 
 
 class Tone(Wave):
@@ -89,9 +95,12 @@ class Tone(Wave):
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         """The highest frequency that the tone has in these runs, Hz."""
 
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        """True if block means lose the strongest line. Fits to samples and to block means cannot be compared as rivals."""
-        return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis)[:1])
+    def tried_on(self, runs: Sequence[Run], axis: int, line_chance: float) -> Tried:
+        """Samples if block means lose the strongest line. Fits to samples and to block means cannot be compared as rivals."""
+        if super().tried_on(runs, axis, line_chance) is None:
+            return None
+        lost = any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis)[:1])
+        return "samples" if lost else "blocks"
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """The wave, shape [n]. A sine is a cosine a quarter of a period earlier."""
@@ -109,6 +118,7 @@ class TableWave(Wave):
     """
 
     uncorrected = "it belongs to the turntable and not to the sensor"
+    fixed_by = "table_angle_deg"
     rate_power = 1.0
     orders: ClassVar[tuple[int, ...]]
     needs: ClassVar[str] = TURNING_AT_ALL
@@ -122,17 +132,10 @@ class TableWave(Wave):
         shown = any(not r.rate_is_mean and np.any(self.size(r, axis)) for r in runs)
         return None if shown else self.needs
 
-    def scope_in(self, runs: Sequence[Run]) -> str:
-        known = all(r.column("table_angle_deg") is not None for r in runs)
-        return "session" if known and runs else "run"
-
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """What is the same in each run: a phase that is free in each of them follows any course of a turn or two."""
         free = [run for run in runs if not run.rate_is_mean and np.any(self.size(run, axis))]
         return same_in_each_run(free) if self.scope_in(runs) == "run" and len(free) >= LEAST_RUNS else []
-
-    def shape(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
-        return (float(self._order(name)),)
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         turned = unit_wave(table_angle_rad(run))

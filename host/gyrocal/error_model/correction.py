@@ -131,7 +131,7 @@ def _split(model: Model, run: Run) -> tuple[list[Term], dict[str, str]]:
             axes = [t.axis for t in model.terms if t.effect_id == term.effect_id and not t.values]
             left[term.effect_id] = f"the model has no value of it on {', '.join(axes)}, because its session could not show one"
             continue
-        absent = [name for name in term.effect.requires if not _has(run, name)]
+        absent = [name for name in term.effect.requires if not run.has(name)]
         if isinstance(term.effect, FormulaEffect) and (lacking := term.effect.missing([run], AXES.index(term.axis))):
             absent = [lacking]
         if term.effect.uncorrected or term.fault is not None:
@@ -141,12 +141,6 @@ def _split(model: Model, run: Run) -> tuple[list[Term], dict[str, str]]:
         else:
             usable.append(term)
     return usable, left
-
-
-def _has(run: Run, name: str) -> bool:
-    if name == "power_on_s":
-        return run.power_on_s is not None
-    return run.column(name) is not None
 
 
 def turning_about(run: Run, axis: str, rate_dps: Array) -> Run:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Effect, OfEachRun, Parameter, Values, effect, effects
+from gyrocal.effects.coding import AboutZero, Coding
 from gyrocal.effects.wave import TableWave
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.axis import COMPONENTS
@@ -92,12 +93,9 @@ class FormulaEffect(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{**dict.fromkeys(self.linear, 0.0), **{n: self.start[n] for n in self.nonlinear}}]
 
-    def spread(self, values: Mapping[str, float]) -> Array:
-        return np.array([values.get(n, 0.0) for n in self.used(values)]) if self.scope == "run" else super().spread(values)
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """Spreads [k] of coefficients that differ from run to run about zero, as their values."""
-        return dict(zip(self.used(values), map(float, spread), strict=True))
+    @property
+    def coding(self) -> Coding:
+        return AboutZero(self.linear) if self.scope == "run" else super().coding
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         known: dict[str, Any] = {**CONSTANTS, **{n: values.get(n, self.start.get(n)) for n in self.nonlinear}}

@@ -16,7 +16,7 @@ import tomli_w
 from gyrocal.effects import base, own
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.packages import package_of
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.error_model import accelerometer
 from gyrocal.error_model.accelerometer import AccelerometerModel
 from gyrocal.error_model.fitted_on import FittedOn, parsed
@@ -115,7 +115,7 @@ class Model(Shown):
         """Ids of the effects that not every sensor has, in order and without repetition."""
         return list(dict.fromkeys(line.id for line in self.lines() if not line.inherent))
 
-    def faults(self, axis: str) -> list[tuple[ReadingFault, Values]]:
+    def faults(self, axis: str) -> list[tuple[Fault, Values]]:
         """The faults of the reading that the model contains on an axis, with their values."""
         return [(t.fault, t.values) for t in self.on(axis) if t.values and t.fault is not None]
 

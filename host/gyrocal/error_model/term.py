@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.parameter import Described
@@ -41,7 +41,7 @@ class Term:
         return self.own or base.effect(self.effect_id)
 
     @property
-    def fault(self) -> ReadingFault | None:
+    def fault(self) -> Fault | None:
         """The fault of the reading that the values describe; None if they describe a term of the reading."""
         return self.effect.fault_of(self.values)
 
@@ -55,19 +55,19 @@ class Term:
         kind = self.effect
         if self.fault is not None or kind.role is not None or isinstance(kind, TimingEffect):
             return ()
-        linear = kind.used(self.values) if kind.scope == "session" and not kind.nonlinear else ()
+        linear = kind.coding.used(self.values) if kind.scope == "session" and not kind.nonlinear else ()
         return (*linear, *(name for name in kind.nonlinear if name in self.values))
 
     def fitted(self, column: int) -> bool:
         """False for a column whose coefficient is held."""
-        used = self.effect.used(self.values) if self.held else ()
+        used = self.effect.coding.used(self.values) if self.held else ()
         return column >= len(used) or used[column] not in self.held
 
     @property
     def spreadable(self) -> str | None:
         """The nonlinear parameter that may differ from run to run: only an effect of each run with one column has one."""
         kind = self.effect
-        if kind.scope != "run" or len(kind.groups(self.values)) != 1:
+        if kind.scope != "run" or len(kind.coding.groups(self.values)) != 1:
             return None
         return next((name for name in kind.nonlinear if name in self.values and name not in self.held), None)
 

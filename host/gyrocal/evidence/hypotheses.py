@@ -201,7 +201,7 @@ def _forms(effect: Effect, runs: Sequence[Run], axis: int) -> Iterator[Option]:
 
     structures = {structure(values): values for values in effect.variants(runs, axis)}
     for values in structures.values():
-        sizes = np.array([_size(effect, effect.used(values)[group]) for group in effect.groups(values)])
+        sizes = np.array([_size(effect, effect.coding.used(values)[group]) for group in effect.coding.groups(values)])
         nonlinear = [] if isinstance(effect, TimingEffect) else list(effect.nonlinear)
         if len(nonlinear) != 1:
             yield Option(effect, values, sizes)

@@ -160,7 +160,7 @@ def _noise_of_samples(session: Session, axis: int) -> dict[str, float]:
 def _summary_of(session: Session, fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
     layout, axis = fitted.design.layout, AXES[fitted.design.axis]
     terms = fitted.design.terms
-    columns = tuple(f"{terms[i].effect_id}.{axis}.{terms[i].effect.used(terms[i].values)[j]}" for i, j in layout.fixed)
+    columns = tuple(f"{terms[i].effect_id}.{axis}.{terms[i].effect.coding.used(terms[i].values)[j]}" for i, j in layout.fixed)
     named = [(f"{t.effect_id}.{axis}.{n}", v, t.se.get(n)) for t in fitted.terms for n, v in t.values.items()]
     noises = [fitted.noise] if drift is None else [near.noise(fitted.noise) for near in drift.near]
     candidates, cycles = cycle_equations(fitted, noises)

@@ -68,7 +68,7 @@ def cycle_equations(fitted: AxisFit, noises: Sequence[Noise]) -> tuple[list[str]
     tried = list(_tried(runs, design.axis, [t.effect_id for t in design.terms]))
     names = [
         name_of(kind, AXES[design.axis], parameter, {n: v for n, v in values.items() if n in kind.nonlinear})
-        for kind, values in tried for parameter in kind.used(values)
+        for kind, values in tried for parameter in kind.coding.used(values)
     ]  # fmt: skip
     columns = [np.vstack([design.columns(i), _means(tried, b, design.axis)]) for i, b in enumerate(design.blocks)]
     q = 1 + len(design.layout.fixed) + len(design.layout.run) + len(names)

@@ -131,7 +131,7 @@ def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
     out = []
     for axis in AXES:
         term = fitted.model.term(CROSS, axis)
-        for name in () if term is None else term.effect.used(term.values):
+        for name in () if term is None else term.effect.coding.used(term.values):
             assert term is not None
             seen = term.se[name] <= POLICY.unseen
             out.append({

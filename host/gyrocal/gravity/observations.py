@@ -58,9 +58,8 @@ def parameters(terms: Sequence[Term]) -> list[Parameter]:
     for term in terms:
         sizes = {p.name: p.typical[1] for p in term.effect.parameters}
         structure = term.effect.structure(term.values) or term.effect.variants([], AXES.index(term.axis))[0]
-        out += [
-            Parameter(term, name, FLAT * POLICY.range_factor * sizes.get(name, 1.0)) for name in term.effect.used(structure)
-        ]
+        used = term.effect.coding.used(structure)
+        out += [Parameter(term, name, FLAT * POLICY.range_factor * sizes.get(name, 1.0)) for name in used]
     return out
 
 

@@ -266,12 +266,12 @@ class Design:
             if term.effect_id in self.about:
                 out[k] = self._known(i)[j]
             elif isinstance(term.effect, TimingEffect) and term.values:
-                out[k] = term.effect.coefficients(term.values)[0]
+                out[k] = term.effect.coding.coefficients(term.values)[0]
         return out
 
     def _known(self, t: int) -> Array:
         """The coefficients [k] of a term that ``about`` holds."""
-        return self.terms[t].effect.coefficients(self.about[self.terms[t].effect_id])
+        return self.terms[t].effect.coding.coefficients(self.about[self.terms[t].effect_id])
 
     def subtracted(self, columns: Callable[[int], Array | None], size: int) -> Array:
         """What the terms of ``about`` make of their ``columns``, given by a term's index, [size], deg/s."""

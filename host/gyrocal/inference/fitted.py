@@ -174,5 +174,5 @@ class Fit(Shown):
 
 def _column_name(term: Term, column: int) -> str:
     """The linear parameter of a column; its number where several columns make one parameter, as a cosine and a sine do."""
-    used = term.effect.used(term.values)
-    return used[column] if len(used) == len(term.effect.groups(term.values)) else str(column)
+    used = term.effect.coding.used(term.values)
+    return used[column] if len(used) == len(term.effect.coding.groups(term.values)) else str(column)

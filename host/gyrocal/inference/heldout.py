@@ -229,7 +229,7 @@ def _told(axis: AxisFit) -> Solution:
     for k, (i, _) in enumerate(axis.design.layout.fixed):
         term = axis.terms[i]
         if term.effect.role is Role.BIAS and term.values and any(b.run.rate_is_mean for b in axis.design.blocks):
-            beta[k] = term.effect.coefficients(term.values)[0]
+            beta[k] = term.effect.coding.coefficients(term.values)[0]
     return replace(axis.solution, beta=beta)
 
 

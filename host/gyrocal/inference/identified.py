@@ -54,6 +54,6 @@ def left_out(
 
 def _typical(term: Term, number: int) -> float:
     """The largest typical size of the linear parameter of a column, 0 if it has none."""
-    names = term.effect.used(term.values) or term.effect.linear
+    names = term.effect.coding.used(term.values) or term.effect.linear
     sizes = {p.name: p.typical[1] for p in term.effect.parameters if np.isfinite(p.typical[1])}
     return sizes.get(names[number], 0.0) if number < len(names) else 0.0

@@ -183,7 +183,8 @@ def joint(current: AxisFit) -> Joint:
         if absent.fall < POLICY.determined_gain:
             return Joint(nonlinear, at, None, (at, replace(absent, fall=0.0), *_everywhere(likelihood, k)), one_sided=True)
     runs = [b.run for b in current.design.blocks]
-    first = [current.design.terms[i].effect.step(name, current.design.terms[i].values, runs) / 6 for i, name in nonlinear]
+    terms = [(current.design.terms[i], name) for i, name in nonlinear]
+    first = [t.effect.refinement(name, t.values, runs, current.design.axis).step / 6 for t, name in terms]
     steps = np.array([_one_error(likelihood, j, step) for j, step in enumerate(first)])
     lopsided = np.array([_lopsided(likelihood, j, step) for j, step in enumerate(steps)])
     if (lopsided <= LOPSIDED).all():

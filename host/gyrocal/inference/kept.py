@@ -108,7 +108,7 @@ def _of_runs(design: Design) -> Array:
     """The spread [groups] of the coefficients that differ from run to run, as the terms' values say."""
     out = np.zeros(design.layout.n_groups)
     for (i, j), group in zip(design.layout.run, design.layout.run_group, strict=True):
-        out[group] = design.terms[i].effect.spread(design.terms[i].values)[j]
+        out[group] = design.terms[i].effect.coding.spread(design.terms[i].values)[j]
     return out
 
 
@@ -147,8 +147,8 @@ def _stated_errors(design: Design, terms: Sequence[Term]) -> Array:
     out = np.zeros(len(design.layout.fixed))
     for k, (i, j) in enumerate(design.layout.fixed):
         effect, values, se = terms[i].effect, terms[i].values, terms[i].se
-        at = effect.coefficients(values)
+        at = effect.coding.coefficients(values)
         known = [(name, error) for name, error in se.items() if name in values]
-        moves = [effect.coefficients({**values, name: values[name] + error}) - at for name, error in known]
+        moves = [effect.coding.coefficients({**values, name: values[name] + error}) - at for name, error in known]
         out[k] = float(np.sqrt(sum(m[j] ** 2 for m in moves)))
     return out

@@ -52,13 +52,13 @@ def assigned(terms: Sequence[Term], scopes: Sequence[str], n_runs: int) -> Assig
     n_groups = 0
     for i, (term, scope) in enumerate(zip(terms, scopes, strict=True)):
         kind = term.effect
-        k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
+        k = len(kind.coding.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
         if term.fault is not None:
             continue
         if scope == "session" or kind.common_mean:
             fixed += [(i, j) for j in range(k)]
         if scope == "run" and k and not (kind.common_mean and n_runs == 1):  # one run shows the mean alone
             run += [(i, j) for j in range(k)]
-            group += [n_groups + g for g in kind.groups(term.values)]
+            group += [n_groups + g for g in kind.coding.groups(term.values)]
             n_groups = max(group) + 1
     return Assigned(fixed, run, group)

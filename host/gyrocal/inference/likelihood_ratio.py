@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
+from gyrocal.effects.coding import Coding, OneSpread
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
@@ -39,8 +40,9 @@ class _Wander(Effect):
         waves = np.cos(np.pi * k * elapsed_s(run)[:, None] / max(run.duration_s, 1e-9)) / np.sqrt(np.maximum(k, 1))
         return np.asarray(waves * (not run.rate_is_mean))
 
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0] * len(self.linear)
+    @property
+    def coding(self) -> Coding:
+        return OneSpread(self.linear)
 
 
 def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:

@@ -45,8 +45,9 @@ def refine(current: AxisFit) -> AxisFit:
             return min(-at(x).solution.profile_loglik, UNSOLVED)
 
         runs = [b.run for b in current.design.blocks]
-        steps = np.array([term.effect.step(name, term.values, runs) for name in names])
-        stairs = len(names) == 1 and term.effect.resolution(names[0], term.values, runs, current.design.axis) > 0
+        fineness = [term.effect.refinement(name, term.values, runs, current.design.axis) for name in names]
+        steps = np.array([of.step for of in fineness])
+        stairs = len(names) == 1 and fineness[0].resolution > 0
         search = _stairs if stairs else _one if len(names) == 1 else _several
         better = at(search(cost, x0, bounds, steps))
         if better.solution.profile_loglik > current.solution.profile_loglik:

@@ -58,13 +58,13 @@ class _Map(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         measured = run.measured_rates
         if measured is None or not measured.motions:
-            return np.zeros((len(run), len(self.used(values))))
+            return np.zeros((len(run), len(self.coding.used(values))))
         slope = measured.slope_about(axis, run.registration)
         of_time = {"offset_s": -slope, "e": (run.sample_s - run.sample_s[0]) * slope}
-        return stack(*(of_time[n] if n in of_time else true_rate_dps(run.about(n)) for n in self.used(values)))
+        return stack(*(of_time[n] if n in of_time else true_rate_dps(run.about(n)) for n in self.coding.used(values)))
 
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
-        found = [rate_noise(run.about(n), AXES.index(n), samples) if n in AXES else None for n in self.used(values)]
+        found = [rate_noise(run.about(n), AXES.index(n), samples) if n in AXES else None for n in self.coding.used(values)]
         if all(f is None for f in found):
             return None
         return stack(*(np.zeros(len(run)) if f is None else f[0] for f in found)), max(f[1] for f in found if f is not None)
@@ -152,7 +152,7 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
         effect = current.design.terms[t].effect
         name = axis if effect.role is Role.SCALE else ""
         if isinstance(effect, _Map):
-            name = effect.used(current.design.terms[t].values)[k]
+            name = effect.coding.used(current.design.terms[t].values)[k]
         if name:
             places.append(9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name))
             columns.append(j)

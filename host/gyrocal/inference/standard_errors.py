@@ -56,8 +56,8 @@ def finish(current: AxisFit, reported: bool = False, misfit: bool = False) -> Ax
         own = [j for j, (t, _) in enumerate(layout.run) if t == i]
         if own:
             groups = [layout.run_group[j] for j in own]
-            values.update(kind.named_spread(current.spreads.run[groups], term.values))
-            se.update(kind.named_spread(run_se[groups], term.values))
+            values.update(kind.coding.named_spread(current.spreads.run[groups], term.values))
+            se.update(kind.coding.named_spread(run_se[groups], term.values))
         se.update(_nonlinear_errors(current, i, together))
         values.update({name: term.values[name] for name in term.held})
         terms.append(replace(term, values=values, se=se))
@@ -83,14 +83,14 @@ def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Va
     """A term's shared parameters by name, and their errors; those that are not identified are left out."""
     kind, layout = term.effect, current.design.layout
     index = [layout.fixed[j][1] for j in mine]
-    full = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
+    full = np.full(max(len(kind.coding.groups(term.values)), max(index) + 1), np.nan)
     full[index] = current.solution.beta[mine] + current.design.origin[mine]
-    values = {n: v for n, v in kind.named(full, term.values).items() if np.isfinite(v)}
+    values = {n: v for n, v in kind.coding.named(full, term.values).items() if np.isfinite(v)}
 
     def named(beta: Array, _: Array) -> Array:
         moved = full.copy()
         moved[index] = beta[mine] + current.design.origin[mine]
-        found = kind.named(moved, term.values)
+        found = kind.coding.named(moved, term.values)
         return np.array([found[n] for n in values])
 
     # what the noise of measured columns leaves unknown adds to the error of the fit, and so do the columns that it left out
@@ -109,5 +109,5 @@ def _nonlinear_errors(current: AxisFit, i: int, of: Joint) -> Values:
     errors = of.errors(lambda _, log_values: np.exp(log_values[mine])) if mine else np.zeros(0)
     term, runs = current.design.terms[i], [b.run for b in current.design.blocks]
     names = [of.nonlinear[k][1] for k in mine]
-    spacing = [term.effect.resolution(name, term.values, runs, current.design.axis) for name in names]
+    spacing = [term.effect.refinement(name, term.values, runs, current.design.axis).resolution for name in names]
     return {name: float(max(e / 3**0.5, s) if s else e) for name, e, s in zip(names, errors, spacing, strict=True)}

@@ -113,7 +113,7 @@ class Columns:
 
     def coefficients(self, k: int, member: Member) -> Array:
         """The member's sizes as coefficients of the shared columns, shape [p]; zero for columns that are not its own."""
-        sizes = np.atleast_1d(member.effect.coefficients(member.values))
+        sizes = np.atleast_1d(member.effect.coding.coefficients(member.values))
         return np.array([sizes[at[1]] if at is not None and at[0] == k else 0.0 for at in self.place])
 
     def plain(self) -> tuple[Array, Array]:
@@ -148,7 +148,7 @@ class Columns:
         """Information on the spread of the first member over the runs, [kinds + cycles]: Fisher's, of a variance component."""
         grams = self.design.grams(member.fit.noise)[0]
         mine = 1 + len(self.owner) + np.flatnonzero(self.run_owner == 0)
-        sd = np.concatenate([member.effect.spread(member.values), np.zeros(1)])[0]
+        sd = np.concatenate([member.effect.coding.spread(member.values), np.zeros(1)])[0]
         known = np.diagonal(grams, axis1=1, axis2=2)[:, mine]
         of_run = np.sum(2 * (sd * known / (1 + sd**2 * known)) ** 2, axis=1)
         labels = self.design.scenarios[: self.n_own]
@@ -161,7 +161,7 @@ class Columns:
         diagonal = np.diagonal(grams, axis1=1, axis2=2)[:, 1 + p :].mean(axis=0)
         free = FREE / np.sqrt(np.maximum(diagonal, 1e-300))
         model = self.fit.spreads.run
-        of_member = np.concatenate([member.effect.spread(member.values), np.zeros(1)])
+        of_member = np.concatenate([member.effect.coding.spread(member.values), np.zeros(1)])
         out = np.zeros(len(layout.run))
         for i, (group, owner) in enumerate(zip(layout.run_group, self.run_owner, strict=True)):
             if owner == -1:

@@ -46,7 +46,7 @@ class Precision:
         places = [at for at, keep in zip(columns.place, kept, strict=True) if keep]
         mine = np.array([at is not None and at[0] == 0 for at in places])
         column = int(np.argmax(np.where(mine, np.abs(sizes) * rms + 1e-12 * rms, -1.0))) if mine.any() else None
-        used = member.effect.used(member.values) or member.effect.linear
+        used = member.effect.coding.used(member.values) or member.effect.linear
         place = places[column] if column is not None else None
         name = used[min(place[1], len(used) - 1)] if place is not None else used[0]
         of_runs = float(member.values.get(f"{name}_sd", member.values.get(name, 0.0)))

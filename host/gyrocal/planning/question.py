@@ -11,7 +11,6 @@ from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
-from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.errors import InputError
 from gyrocal.planning.columns import Member, member_of
@@ -99,7 +98,7 @@ def _worst_known(diagnosis: Diagnosis) -> tuple[str, str, float] | None:
     found = [
         (abs(term.se[name] / term.values[name]), term.effect_id, term.axis)
         for term in diagnosis.comparison.fit.model.terms
-        for name in term.effect.used(term.values)
+        for name in term.effect.coding.used(term.values)
         if term.axis == session.axis and _plannable(term.effect) and term.se.get(name) and term.values.get(name)
     ]
     if not found:
@@ -124,7 +123,7 @@ def _effect(effect_id: str, diagnosis: Diagnosis) -> Effect:
 
 
 def _plannable(effect: Effect) -> bool:
-    return not isinstance(effect, ReadingFault | TimingEffect) and effect.fault is None and not effect.fast
+    return not isinstance(effect, TimingEffect) and effect.fault is None and not effect.fast
 
 
 def _check(effect: Effect) -> None:

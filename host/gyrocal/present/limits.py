@@ -14,7 +14,7 @@ def limits(c: Candidate) -> str:
     """The largest sizes of a fitted effect that agree with the session at 95 %, in words; empty if it was not fitted."""
     units = {p.name: to_read(p.unit) for p in c.effect.parameters}
     told = []
-    for name in c.effect.used(c.values):
+    for name in c.effect.coding.used(c.values):
         se = c.se.get(name)
         if se:
             factor, unit = in_percent(units.get(name, ""))

@@ -16,6 +16,7 @@ from gyrocal.diagnosis.residual.levels import explained
 from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.digits import UNKNOWN, pair, percentage, places, rounded
 from gyrocal.effects.base import Effect, title_of
+from gyrocal.effects.optional import InWords
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility import absent
 from gyrocal.policy import POLICY
@@ -316,7 +317,8 @@ def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) 
         error, (factor, unit) = se.get(name), in_percent(units.get(name, units.get(name.removesuffix("_sd"), "")))
         shown[name] = plus_minus(factor * value, None if error is None else factor * error, unit)
     named = (WHOLE.get((units.get(name, ""), values[name]), f"{name} {text}") for name, text in shown.items())
-    return effect.told(values, shown) or ", ".join(named)
+    in_words = effect.told(values, shown) if isinstance(effect, InWords) else ""
+    return in_words or ", ".join(named)
 
 
 NOT_KEPT = "not kept (-o model.toml keeps it)"

@@ -165,6 +165,10 @@ class Run:
             return None
         return self.table[name].to_numpy()
 
+    def has(self, name: str) -> bool:
+        """True if the run has an optional column, or its time since power-on (``power_on_s``)."""
+        return self.power_on_s is not None if name == "power_on_s" else self.column(name) is not None
+
     @cached_property
     def acc_g(self) -> Array | None:
         """Acceleration, shape [n, 3], g; None unless all three columns are there."""

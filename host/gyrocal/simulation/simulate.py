@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.effects import base
-from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.reading_fault import Fault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
@@ -291,7 +291,7 @@ def simulate_run(
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = seen.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
-    faults: list[tuple[ReadingFault, base.Values]] = []
+    faults: list[tuple[Fault, base.Values]] = []
     for kind, values in drawn:
         fault = kind.fault_of(values)
         if fault is not None:

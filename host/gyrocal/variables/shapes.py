@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Role, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.base import Effect, Role, elapsed_s, table_angle_rad
+from gyrocal.effects.coding import Coding, OneSpread
 from gyrocal.effects.quantities import cosines, true_rate_dps
 from gyrocal.recording.session import Array, Run
 
@@ -214,11 +215,9 @@ class TableWave(ShapeOfEachRun):
         turning = float(np.any(run.rate_dps != 0)) if not run.rate_is_mean else 0.0
         return turning * np.column_stack([np.cos(angle), np.sin(angle)])
 
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0, 0]
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"sd": float(spread[0])}
+    @property
+    def coding(self) -> Coding:
+        return OneSpread(self.linear)
 
     @staticmethod
     def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:

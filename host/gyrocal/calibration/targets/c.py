@@ -66,7 +66,7 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
 def _columns(term: Term) -> list[_Column]:
     effect, values = term.effect, term.values
     arguments = effect.device_arguments(values)
-    return [_Column(effect.id, a, float(c)) for a, c in zip(arguments, effect.coefficients(values), strict=True)]
+    return [_Column(effect.id, a, float(c)) for a, c in zip(arguments, effect.coding.coefficients(values), strict=True)]
 
 
 def _tables(axis: str, columns: list[_Column]) -> str:

@@ -295,7 +295,8 @@ def _without_needless(
         whole = last.comparison.likeliest.axes[axis]
         rest = without(Current.of(last.comparison, axis), [effect_id]).fit
         chance = likelihood_ratio(rest, whole, max(1, added_parameters(rest, whole)))[1]
-        return effect.looks([b.run for b in whole.design.blocks], whole.design.axis) * chance * tested >= POLICY.name_alarm
+        looks = effect.looks([b.run for b in whole.design.blocks], whole.design.axis).shapes
+        return looks * chance * tested >= POLICY.name_alarm
 
     drop = {(axis, i) for axis in step.axes for i in added.get(axis, []) if needless(axis, i)}
     if not drop:

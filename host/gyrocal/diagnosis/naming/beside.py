@@ -27,7 +27,7 @@ from gyrocal.diagnosis.naming.judge import judge
 from gyrocal.diagnosis.naming.sets import choose, fitted_together
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, Objection
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
@@ -44,7 +44,7 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
 
     def of_another(c: Candidate) -> bool:
         known = [(o.effect, o.values) for o in named if o.axis == c.axis and o is not c]
-        return c.effect.repeats(c.values, runs, AXES.index(c.axis), known)
+        return Objection.REPEATS in c.effect.objections(c.values, runs, AXES.index(c.axis), known)
 
     passed = sorted(named, key=lambda c: (of_another(c), -(c.gain or 0.0)))
 

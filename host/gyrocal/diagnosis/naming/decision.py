@@ -8,6 +8,7 @@ from dataclasses import replace
 from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.effects.optional import OwnLine
 from gyrocal.effects.wave import Tone
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
@@ -90,7 +91,8 @@ def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:
     if finding.band_hz[0] == finding.band_hz[1]:
         of.append((c.effect, c.values))
     runs, axis = comparison.fit.session.runs, AXES.index(c.axis)
-    return any(effect.line_dps(runs, axis, values, *finding.band_hz) > 0 for effect, values in of)
+    own = ((effect, values) for effect, values in of if isinstance(effect, OwnLine))
+    return any(effect.line_dps(runs, axis, values, *finding.band_hz) > 0 for effect, values in own)
 
 
 def proven(c: Candidate, tested: int) -> bool:

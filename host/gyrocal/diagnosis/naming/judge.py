@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,9 @@ from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
 from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
-from gyrocal.effects.base import Effect, Mask
+from gyrocal.effects.base import Effect, Mask, Objection
 from gyrocal.effects.mistaken import must_be_sure
+from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import OrderTone, swept_turns, turns
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
@@ -71,12 +72,13 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(effect, current.axis, "reject")
     peak = current.comparison.spectra[current.axis].peak()
     line_chance = 1.0 if peak is None else peak.chance
-    if not effect.shows(current.runs, current.index, line_chance):
+    tried_on = effect.tried_on(current.runs, current.index, line_chance)
+    if tried_on is None:
         return Candidate(effect, current.axis, "reject")
     # the noise of samples is coloured, so a line of constant frequency is judged against its neighbours in the spectrum
     least_chance = line_chance if effect.is_line else 0.0
     blocks = current
-    if effect.needs_samples(current.runs, current.index):
+    if tried_on == "samples":
         current = current.of_samples()
     next_one = effect.measure_next_in(current.runs)
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
@@ -86,15 +88,15 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     term = fitted.terms[-1]
     parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
-    chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
+    chance = max(least_chance, min(1.0, looks.shapes * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
-    unseen = not effect.observable(term.values, current.runs)
-    another = unseen or effect.repeats(term.values, current.runs, current.index, known)
+    objections = set(effect.objections(term.values, current.runs, current.index, known))
+    another = not objections.isdisjoint((Objection.UNSEEN, Objection.REPEATS))
     if chance > unless or another:
         return Candidate(
             effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=another
         )  # fmt: skip
-    parameters += effect.picked(current.runs, current.index)
+    parameters += looks.values
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
@@ -103,7 +105,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
-        or effect.contradicted(term.values, excess.part)
+        or contradicts(objections, excess.part)
         or (effect.is_line and line_of_reference(blocks.comparison.fit, blocks.axis, term.values["f_hz"], term.values["A_dps"]))
         or (chance < POLICY.false_discovery_rate and _outdone(current.fit, fitted, effect))
         or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
@@ -115,6 +117,12 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not contradicted,
         gain_noise=_gain_noise(fitted), contradicted=contradicted,
     )  # fmt: skip
+
+
+def contradicts(objections: Collection[Objection], explained: float | None) -> bool:
+    """True if fitted values contradict what the effect is; some do only where it explains less than a main cause."""
+    main = explained is not None and explained >= POLICY.main_cause
+    return Objection.CONTRADICTED in objections or (Objection.MINOR in objections and not main)
 
 
 def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
@@ -201,13 +209,13 @@ def _with(fit: AxisFit, term: Term) -> AxisFit:
 
 def without_mean(term: Term) -> bool:
     """True if an effect that should have a common mean over the runs has none that differs from zero."""
-    mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
+    mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.coding.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)
 
 
 def not_measurable(current: Current, effect: Effect, lacking: str) -> Candidate:
     """A candidate whose data the session lacks (``lacking``, in words), with what is known of its course nevertheless."""
-    known = [effect.unmeasured(run, current.index) for run in current.runs]
+    known = [effect.unmeasured(run, current.index) if isinstance(effect, CourseWithoutData) else None for run in current.runs]
     signal = None
     if all(column is not None for column in known):
         means = [b.mean(np.asarray(c)[:, None])[:, 0] for b, c in zip(current.fit.design.blocks, known, strict=True)]

@@ -22,7 +22,7 @@ from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.judge import added_parameters, judge
 from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, Objection
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
@@ -138,7 +138,7 @@ def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | No
     fitted = finish(reweighed(refine(fitted)))
     for effect, term in zip(members, fitted.terms[-len(members) :], strict=True):
         physical = in_range(Candidate(effect, current.axis, "reject", term.values))
-        if not physical or not effect.observable(term.values, current.runs):
+        if not physical or Objection.UNSEEN in effect.objections(term.values, current.runs, current.index, ()):
             return None
     return fitted
 
@@ -153,7 +153,7 @@ def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current,
     """True if the set without the member explains the session worse on held-out data, and significantly worse in sample."""
     if not _certain(whole.gains - rest.gains, POLICY.member_errors):
         return False
-    looks = member.looks(current.runs, current.index)
+    looks = member.looks(current.runs, current.index).shapes
     chance = likelihood_ratio(rest.fitted, whole.fitted, max(1, whole.parameters - rest.parameters))[1]
     return looks * chance * tested < POLICY.name_alarm
 

@@ -34,7 +34,7 @@ def steps_of_runs(current: AxisFit, axis: str, alarm: float) -> Finding | None:
     if len(columns) < len(at):
         return None
     statistic, chance = likelihood_ratio(current, fitted, len(at))
-    chance = min(1.0, chance * BiasJumps().looks(runs, current.design.axis))
+    chance = min(1.0, chance * BiasJumps().looks(runs, current.design.axis).shapes)
     if chance >= alarm:
         return None
     sizes_dps = fitted.solution.beta[columns]

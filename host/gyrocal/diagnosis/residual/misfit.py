@@ -20,8 +20,8 @@ from gyrocal.diagnosis.residual.reading_tests import dropped_carry, reading_faul
 from gyrocal.diagnosis.residual.rounding import beside_rounding, rounding_power
 from gyrocal.diagnosis.residual.told_once import curves_within, leader, strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.residual.whiteness import too_much_power
-from gyrocal.effects.base import is_left_of_a_line
 from gyrocal.effects.byte_fault import ByteFault
+from gyrocal.effects.optional import is_left_of_a_line
 from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
