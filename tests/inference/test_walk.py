@@ -65,6 +65,15 @@ def test_temperature_does_not_explain_a_walk_but_its_own_effect() -> None:
     assert max(likelihood_ratio(*pair, 1)[1] for pair in true) < 1e-6
 
 
+def test_five_runs_show_a_walk_that_a_drift_explains_by_chance() -> None:
+    """By chance its four steps have one sign. A robot's session of five runs was told a drift at 13 of its errors."""
+    default = Model.builtin("default")
+    models = (default, default.with_term(Term("drift", "z")))
+    pairs = [[fit(session(seed, walk=1e-3, runs=5), m, axes="z").axes["z"] for m in models] for seed in (4, 7)]
+    assert max(_ratio(*pair, 1)[1] for pair in pairs) < 1e-3
+    assert min(likelihood_ratio(*pair, 1)[1] for pair in pairs) > 1e-3
+
+
 def test_the_likelihood_beside_a_walk_is_that_of_the_whole_covariance() -> None:
     """Against SciPy's density of all block means, the shared parameters by generalised least squares."""
     found = fit(session(0, walk=2e-3, runs=6), Model.builtin("default"), axes="z").axes["z"]

@@ -31,6 +31,16 @@ def test_noise_below_a_count_has_none_wherever_between_two_counts_it_lies(sd_cou
         assert outliers(codes, 1.0)[0].tolist() == [5_000]
 
 
+def test_outliers_side_by_side_keep_their_size() -> None:
+    """Among three of the next readings, one that stands off too halves the deviation from the neighbours."""
+    y_dps = np.random.default_rng(3).normal(0.3, 0.01, 1_560)
+    torn = [87, 88, 90, 146, 216, 218, 236, 689]
+    y_dps[torn] -= 2.24
+    rows, apart_dps = outliers(y_dps, 0.00875)
+    assert rows.tolist() == torn
+    assert apart_dps == pytest.approx(-2.24, abs=0.05)
+
+
 def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slope() -> None:
     rng = np.random.default_rng(2)
     t_s = np.arange(20_000) / 145

@@ -17,9 +17,10 @@ class Inference:
         smaller="a spread is stated that two values determine, with one degree of freedom",
     )  # fmt: skip
     walking_runs: int = threshold(
-        6, "runs of a power cycle from which on an effect must remain beside a bias that walks on from run to run",
+        5, "runs of a power cycle from which on an effect must remain beside a bias that walks on from run to run",
         larger="in a log that is cut into a few runs, what moves slowly explains the walk of the bias",
         smaller="effects that differ between a few runs alone are not found",
+        chosen_by="gyrocal benchmark edge --part frozen, sessions of five runs: their answers are those with 6; tests/inference",
     )  # fmt: skip
     same_in_cycles: float = threshold(
         0.2, "prior probability that scale or bias does not differ between power cycles, in the standard errors of few cycles",

@@ -16,6 +16,8 @@ from gyrocal.tails import ROBUST
 
 NEIGHBOURS = 7
 """Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
+HALVED = 1.5
+"""Factor by which a deviation from readings that are no outliers is larger where an outlier is among the neighbours."""
 STANDS_OUT = POLICY.outlier_spreads
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -36,7 +38,17 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     spread = spread_of(level, apart, step_dps)
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
     rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
-    return (rows, nearer[rows]) if 0 < rows.size <= POLICY.most_outliers * y_dps.size else nothing
+    return (rows, _whole(y_dps, rows, nearer[rows])) if 0 < rows.size <= POLICY.most_outliers * y_dps.size else nothing
+
+
+def _whole(y_dps: Array, rows: Index, apart_dps: Array) -> Array:
+    """Deviations [k] of outliers, from the nearest readings that are none where neighbours stand off too and halve them."""
+    others = np.delete(np.arange(y_dps.size), rows)
+    before = np.searchsorted(others, rows)
+    sides = [before[:, None] - np.arange(1, 4), before[:, None] + np.arange(3)]
+    levels = [np.median(y_dps[others[np.clip(side, 0, others.size - 1)]], axis=1) for side in sides]
+    again_dps = y_dps[rows] - (levels[0] + levels[1]) / 2
+    return np.asarray(np.where(np.abs(again_dps) > HALVED * np.abs(apart_dps), again_dps, apart_dps))
 
 
 def spread_of(level: Array, apart: Array, step_dps: float) -> float:
