@@ -115,5 +115,5 @@ def test_offsets_in_no_order_are_no_walk() -> None:
 
 
 def test_few_runs_show_no_walk() -> None:
-    few = fit(session(0, walk=3e-3, runs=5), Model.builtin("default"), axes="z").axes["z"]
+    few = fit(session(0, walk=3e-3, runs=4), Model.builtin("default"), axes="z").axes["z"]
     assert Walks.of(few.design) is None

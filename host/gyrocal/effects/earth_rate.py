@@ -33,7 +33,9 @@ class EarthRate(Effect):
     )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return "latitude_deg in session.toml, from which it is computed; it is never fitted"
+        known = any(run.latitude_deg is not None for run in runs)
+        what = "nothing more: with latitude_deg" if known else "latitude_deg in session.toml, from which"
+        return f"{what} it is computed; it is never fitted"
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))

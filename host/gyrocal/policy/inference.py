@@ -20,7 +20,7 @@ class Inference:
         5, "runs of a power cycle from which on an effect must remain beside a bias that walks on from run to run",
         larger="in a log that is cut into a few runs, what moves slowly explains the walk of the bias",
         smaller="effects that differ between a few runs alone are not found",
-        chosen_by="gyrocal benchmark edge --part frozen, sessions of five runs: their answers are those with 6; tests/inference",
+        chosen_by="gyrocal benchmark edge --part frozen, sessions of five runs: the same answers as with 6",
     )  # fmt: skip
     same_in_cycles: float = threshold(
         0.2, "prior probability that scale or bias does not differ between power cycles, in the standard errors of few cycles",

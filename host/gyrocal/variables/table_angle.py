@@ -79,5 +79,11 @@ def _turned(run: Run) -> float:
 
 
 def _waves(run: Run, orders: Sequence[int]) -> Array:
-    angle = table_angle_rad(run)
-    return np.column_stack([wave(k * angle) for k in orders for wave in (np.cos, np.sin)])
+    """Cosine and sine of each order about their means over the run; zero where the run turns through too little of a period.
+
+    A wave through the angles of runs that stand would describe any offsets of theirs.
+    """
+    angle, turned = table_angle_rad(run), _turned(run)
+    columns = np.column_stack([wave(k * angle) for k in orders for wave in (np.cos, np.sin)])
+    shown = np.repeat([k * turned >= LEAST_PERIOD for k in orders], 2)
+    return np.asarray((columns - np.nanmean(columns, axis=0)) * shown)

@@ -258,11 +258,19 @@ def measure(
     together = pooled(squares, floors, plausibility.absent(warnings))
     angles = Angles.of(told, folds) if by_angle(session) else None
     where += beyond_errors(session, per_axis, angles, misfit.nearest, [a for a in judged if a not in failing])
-    where = [beside_earth(f, session.runs) for f in where]
+    where = _each_once(beside_earth(f, session.runs) for f in where)
     return Comparison(
         told, fitted, together, per_axis, where, _held_out(session, folds), spectra, scatter, squares, floors,
         misfit.nearest, warnings=warnings, angles=angles,
     )  # fmt: skip
+
+
+def _each_once(found: Iterable[Finding]) -> list[Finding]:
+    """The findings without those that say the same as one before them: two tests may see one wave."""
+    once: dict[tuple[str, str, str], Finding] = {}
+    for f in found:
+        once.setdefault((f.axis, f.against, f.note), f)
+    return list(once.values())
 
 
 def _with_left_over(
