@@ -158,9 +158,9 @@ def test_a_device_is_found_among_the_ports() -> None:
 
 def test_no_port_and_no_device_are_told() -> None:
     with pytest.raises(DeviceError, match="no serial port: plug the board in"):
-        find_port("auto", ports=list)
+        find_port("auto", ports=list, network=list)
     with pytest.raises(DeviceError, match="no gyrocal device answers: socket:"):
-        find_port("auto", ports=lambda: ["socket://127.0.0.1:1"])
+        find_port("auto", ports=lambda: ["socket://127.0.0.1:1"], network=list)
 
 
 def test_a_run_that_begins_meanwhile_is_told_and_ends_the_examination(scenario: Session) -> None:

@@ -299,7 +299,8 @@ def self_test_words(found: Event) -> str:
     most = found.get("rest_most_dps")
     if not isinstance(most, int | float):
         return words
-    at_rest = ", ".join(f"{axis} {found.get(f'rest_{axis}_dps'):.1f}" for axis in "xyz")
+    rest_dps = {axis: round(float(found.get(f"rest_{axis}_dps") or 0.0), 1) for axis in "xyz"}
+    at_rest = ", ".join(f"{axis} {rate_dps + 0.0:.1f}" for axis, rate_dps in rest_dps.items())  # no -0.0
     return f"{words}; at rest {at_rest} dps, at most {most:g}"
 
 

@@ -16,8 +16,6 @@ from gyrocal.tails import ROBUST
 
 NEIGHBOURS = 7
 """Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
-HALVED = 1.5
-"""Factor by which a deviation from readings that are no outliers is larger where an outlier is among the neighbours."""
 STANDS_OUT = POLICY.outlier_spreads
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -42,13 +40,15 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
 
 
 def _whole(y_dps: Array, rows: Index, apart_dps: Array) -> Array:
-    """Deviations [k] of outliers, from the nearest readings that are none where neighbours stand off too and halve them."""
+    """Deviations [k] of outliers, from the nearest readings that are none where another outlier is among the neighbours."""
+    apart = np.diff(rows, prepend=-y_dps.size, append=2 * y_dps.size)
+    beside = np.minimum(apart[1:], apart[:-1]) <= NEIGHBOURS // 2
     others = np.delete(np.arange(y_dps.size), rows)
     before = np.searchsorted(others, rows)
     sides = [before[:, None] - np.arange(1, 4), before[:, None] + np.arange(3)]
     levels = [np.median(y_dps[others[np.clip(side, 0, others.size - 1)]], axis=1) for side in sides]
     again_dps = y_dps[rows] - (levels[0] + levels[1]) / 2
-    return np.asarray(np.where(np.abs(again_dps) > HALVED * np.abs(apart_dps), again_dps, apart_dps))
+    return np.where(beside, again_dps, apart_dps)
 
 
 def spread_of(level: Array, apart: Array, step_dps: float) -> float:
