@@ -88,11 +88,7 @@ def beyond_color(current: AxisFit) -> float:
     The noise of a smoothed slope has a spectrum that no autoregression and no angle at the ends of blocks describes exactly.
     Lines do not count, and below ``LOWEST_HZ`` only a lack does: more is there drift or an effect that the model lacks.
     """
-    angle, power = _without_lines(current)
-    if angle.size < BANDS * LEAST_IN_BAND:
-        return 0.0
-    beyond, slow = power - _modelled(current, angle), angle < 2 * np.pi * LOWEST_HZ * BLOCK_S
-    return float(beyond[~slow].sum() + min(0.0, beyond[slow].sum())) / angle.size * _usual_level(current)
+    return _beyond_color(current)[0]
 
 
 def less_than_color(current: AxisFit) -> float:
@@ -101,10 +97,19 @@ def less_than_color(current: AxisFit) -> float:
     No low-pass is an autoregression, whose level at low frequencies is then too high. Each value of a periodogram scatters by
     its expectation. More than the colour of the fit is left alone: it may be an effect.
     """
-    angle, _ = _without_lines(current)
-    error = float(np.sqrt((_modelled(current, angle) ** 2).sum())) / max(angle.size, 1) * _usual_level(current)
-    found = beyond_color(current)
+    found, error = _beyond_color(current)
     return found if found < -error else 0.0
+
+
+def _beyond_color(current: AxisFit) -> tuple[float, float]:
+    """The variance of :func:`beyond_color` with its standard error, dps^2; zero if there are too few values."""
+    angle, power = _without_lines(current)
+    if angle.size < BANDS * LEAST_IN_BAND:
+        return 0.0, 0.0
+    modelled, slow = _modelled(current, angle), angle < 2 * np.pi * LOWEST_HZ * BLOCK_S
+    beyond, each = power - modelled, _usual_level(current) / angle.size
+    found = float(beyond[~slow].sum() + min(0.0, beyond[slow].sum())) * each
+    return found, float(np.sqrt((modelled**2).sum())) * each
 
 
 def noise_of_means(current: AxisFit, seconds: float) -> float:

@@ -37,7 +37,7 @@ from gyrocal.diagnosis.residual.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.diagnosis.residual.probes import of_session
 from gyrocal.diagnosis.residual.rounding import rounding_power
-from gyrocal.diagnosis.residual.told_once import beside_earth, strongest_first, without_echoes
+from gyrocal.diagnosis.residual.told_once import beside_earth, each_once, strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
@@ -258,19 +258,11 @@ def measure(
     together = pooled(squares, floors, plausibility.absent(warnings))
     angles = Angles.of(told, folds) if by_angle(session) else None
     where += beyond_errors(session, per_axis, angles, misfit.nearest, [a for a in judged if a not in failing])
-    where = _each_once(beside_earth(f, session.runs) for f in where)
+    where = each_once(beside_earth(f, session.runs) for f in where)
     return Comparison(
         told, fitted, together, per_axis, where, _held_out(session, folds), spectra, scatter, squares, floors,
         misfit.nearest, warnings=warnings, angles=angles,
     )  # fmt: skip
-
-
-def _each_once(found: Iterable[Finding]) -> list[Finding]:
-    """The findings without those that say the same as one before them: two tests may see one wave."""
-    once: dict[tuple[str, str, str], Finding] = {}
-    for f in found:
-        once.setdefault((f.axis, f.against, f.note), f)
-    return list(once.values())
 
 
 def _with_left_over(

@@ -36,6 +36,14 @@ def leader(current: AxisFit, found: Sequence[Finding]) -> Finding | None:
     return max((f for p, f in parts if p >= (1 - POLICY.alike) * most), key=lambda f: f.strength, default=None)
 
 
+def each_once(found: Iterable[Finding]) -> list[Finding]:
+    """The findings without those that say the same as one before them: two tests may see one wave."""
+    once: dict[tuple[str, str, str], Finding] = {}
+    for f in found:
+        once.setdefault((f.axis, f.against, f.note), f)
+    return list(once.values())
+
+
 def strongest_first(found: Iterable[Finding]) -> list[Finding]:
     """The findings of all axes, strongest first, but those of an axis not before the one that is listed first of it."""
     listed = list(found)
