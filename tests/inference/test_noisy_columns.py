@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.plausibility import check
@@ -98,3 +99,34 @@ def test_the_stated_noise_of_a_thermometer_is_believed():
     temp_c = 25 + np.cumsum(np.random.default_rng(3).normal(0, 0.05, t_s.size))
     assert smoothed_temperature(temp_c, t_s, 0.01).noise.uncertainty < 1
     assert smoothed_temperature(temp_c, t_s).noise.uncertainty == 1
+
+
+def warm_swing(seed, planted=0.0, start_c=38.0):
+    """The swing in a chamber that warms by 4 degC; ``planted`` is a change of the scale per degC."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for i, run in enumerate(weak_swing(seed, scale=0.002).runs):
+        temp_c = start_c + i + np.linspace(0, 1, len(run))
+        rate = (run.gyro_dps[:, 2] + 0.05) / 1.002
+        gyro = run.gyro_dps + np.outer(planted * (temp_c - 25) * rate, [0, 0, 1])
+        temp_c = temp_c + rng.normal(0, 0.01, temp_c.size)
+        made.append(make_run(run.t_s, gyro, rate_ref_dps=run.rate_dps, temp_c=temp_c, scenario=f"s{i % 2}", rate_hz=RATE_HZ))
+    return make_session(*made)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_the_reference_is_in_no_other_column_that_grows_with_the_rate(seed):
+    """It was taken out of the scale's column alone: the scale then seemed to change with time and temperature."""
+    found = diagnose(warm_swing(seed))
+    assert [f for f in found.comparison.where if f.axis == "z"] == []
+    assert [c.effect.id for c in found.candidates if c.axis == "z" and c.decision in ("add", "suggest")] == []
+
+
+def test_what_changes_the_scale_is_found_at_its_size_all_the_same():
+    planted = 0.02
+    of_z = {c.effect.id: c for c in diagnose(warm_swing(1, planted, start_c=23.0)).candidates if c.axis == "z"}
+    found = of_z["scale_temperature"]
+    assert found.gain is not None
+    assert found.gain > 100
+    assert found.values["k_per_c"] == pytest.approx(planted, abs=4 * found.se["k_per_c"])
+    assert found.se["k_per_c"] < planted / 5

@@ -6,6 +6,8 @@ This file defines no effect. A quantity that a run does not have is None. Missin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +57,19 @@ def rate_noise(run: Run, axis: int, samples: float) -> tuple[Array, float] | Non
     if run.smooth_rate is None or axis != run.axis_index:
         return None
     return run.smooth_rate.error_of_means(samples), run.smooth_rate.noise.uncertainty
+
+
+RATE_STEP_DPS = 1e-3
+
+
+@once_a_run
+def with_faster_rate(run: Run) -> Run:
+    """A run whose true rate, without the reference's noise, is higher by ``RATE_STEP_DPS``."""
+    assert run.smooth_rate is not None
+    faster = copy(run)
+    faster.__dict__.pop("_once", None)
+    faster.__dict__["smooth_rate"] = replace(run.smooth_rate, values=run.smooth_rate.values + RATE_STEP_DPS)
+    return faster
 
 
 def temperature_noise(run: Run, samples: float) -> tuple[Array, float] | None:

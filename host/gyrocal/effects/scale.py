@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gyrocal.effects.base import Effect, Law, Parameter, Role
-from gyrocal.effects.quantities import rate_about, rate_noise
+from gyrocal.effects.quantities import rate_about
 from gyrocal.recording.session import Array, Run
 
 
@@ -29,7 +29,3 @@ class Scale(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return rate_about(run, axis)[:, None]
-
-    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
-        found = rate_noise(run, axis, samples)
-        return None if found is None else (found[0][:, None], found[1])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.effects.base import Law, Parameter, Tried, Values
-from gyrocal.effects.order_tone import HARMONIC, strong_orders, waves_per_turn
+from gyrocal.effects.order_tone import HARMONIC, strong_orders, swept_turns, waves_per_turn
 from gyrocal.effects.quantities import TURNING, rate_about
 from gyrocal.effects.wave import TableWave
 from gyrocal.recording.session import Array, Run
@@ -15,6 +15,8 @@ from gyrocal.recording.session import Array, Run
 ORDERS = (1, 2, 3, 4)
 OF_NOISE = range(9, 17)
 """Orders whose size is taken as noise."""
+LEAST_TURNS = 0.5 / max(ORDERS)
+"""Angle, in turns, that a run must sweep at least."""
 FEWEST, STANDS_OUT, ALIGNED_RAD = 3, 4.0, 0.45
 """A wide pulse has so many orders, each so many times the noise, whose crests are within so much of their own turn."""
 BEYOND = (5, 6)
@@ -51,6 +53,11 @@ class TableRipple(TableWave):
     on_device, device_columns = True, dict(zip(linear, ORDERS, strict=True))
     offered_as = "a ripple of the turntable"
     law = Law({"amplitude_2": 0.002, "phase_2_deg": 90.0}, "-rate*0.002*sin(2*theta)", degree=1)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        """Through less than half a period of the highest order, a ripple is a scale of each run."""
+        lacking = super().missing(runs, axis)
+        return lacking or (None if swept_turns(runs) >= LEAST_TURNS else "a run that turns through an eighth of a turn")
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         single = [{name: 0.0} for name in self.linear]

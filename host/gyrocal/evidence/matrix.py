@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from gyrocal.effects.base import Role
+from gyrocal.effects.quantities import RATE_STEP_DPS, with_faster_rate
 from gyrocal.evidence.discrepancy import Shape
 from gyrocal.evidence.hypotheses import Form, Option, of_reference, of_terms
 from gyrocal.inference.design import Design
@@ -47,6 +48,9 @@ class Matrix:
     further: tuple[Index, ...]
     summed: tuple[Summed, ...]
     noise_power: Array
+    """What noise adds to the square of each column in each run, shape [runs, q]."""
+    noise_products: Array
+    """What it adds to the products of the model's columns, and to those of two different columns, shape [runs, q, q]."""
 
     @staticmethod
     def of(
@@ -70,11 +74,11 @@ class Matrix:
             Summed.of((_columns(fit, i, forms, shapes, released) for i in index), b.t_s, b.precision, cell_s, design.color)
             for index, b in ((index, design.blocks[index[0]]) for index in design.alike)
         ]
-        power = [_noise_power(design, i, forms, int(edges[-1])) for i in range(len(design.blocks))]
+        noise = [_noise(design, i, forms, shapes, int(edges[-1])) for i in range(len(design.blocks))]
         white = fit.noise.white_sd_dps if white_sd_dps is None else white_sd_dps
         return Matrix(
             fit, white, frozenset(released), np.concatenate([np.zeros(0, dtype=np.intp), *free]), tuple(options), tuple(shapes),
-            at, left, beyond, tuple(summed), np.array(power),
+            at, left, beyond, tuple(summed), np.array([power for power, _ in noise]), np.array([shared for _, shared in noise]),
         )  # fmt: skip
 
     @property
@@ -116,15 +120,15 @@ class Matrix:
         return float(self.white_sd_dps * np.sqrt(self.design.extent_s[1] / n))
 
     @cached_property
-    def measured(self) -> Index:
-        """The columns of the model that are measured with noise."""
-        of_model = 1 + np.arange(len(self.design.layout.fixed), dtype=np.intp)
-        return of_model[self.noise_power[:, of_model].any(axis=0)]
+    def measured(self) -> bool:
+        """True if columns of the model are measured with noise."""
+        return bool(self.noise_products.any())
 
     def grams(self, noise: Noise, *, as_measured: bool = False) -> tuple[Array, Array]:
         """Whitened sums of products of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs].
 
-        What the noise of the model's measured columns adds is taken out, unless they are wanted ``as_measured``.
+        What noise adds is taken out, unless they are wanted ``as_measured``. Squares of the columns of hypotheses keep theirs:
+        beside each other they may be mostly noise, and nothing is left to subtract it from.
         """
         q = self.noise_power.shape[1]
         grams, logdet = np.zeros((len(self.design.blocks), q, q)), np.zeros(len(self.design.blocks))
@@ -132,26 +136,13 @@ class Matrix:
             found, of_one = summed.normal_equations(noise)
             grams[index], logdet[index] = found, of_one
         if not as_measured:
-            self._take_out_noise(grams, 1 / noise.white_sd_dps**2)
+            grams -= self.noise_products / noise.white_sd_dps**2
         for i, j in self._free:
             if grams[i, j, j] > 0:
                 own = grams[i, j].copy()
                 logdet[i] += np.log(own[j])
                 grams[i] -= np.outer(own, own / own[j])
         return grams, logdet
-
-    def _take_out_noise(self, grams: Array, precision: float) -> None:
-        """Subtract what the noise of the model's measured columns adds, as :class:`gyrocal.inference.design.Design` does.
-
-        Columns of hypotheses keep theirs: beside each other they may be mostly noise, and nothing is left to subtract it from.
-        """
-        scale = self.role(Role.SCALE)
-        for j in self.measured.tolist():
-            power = precision * self.noise_power[:, j]
-            grams[:, j, j] -= power
-            if j == scale:
-                grams[:, 0, j] += power
-                grams[:, j, 0] += power
 
     @cached_property
     def _free(self) -> list[tuple[int, int]]:
@@ -184,30 +175,43 @@ def _columns(
     for j, (t, _) in enumerate(fit.design.layout.fixed):
         if fit.design.terms[t].effect_id in released:  # the readings as they are without what the timing took out
             own[0] += fit.design.origin[j] * own[1 + j]
-    rows = [own]
+    return np.concatenate([own, *_further(fit.design, i, forms, shapes, b.run)])
+
+
+def _further(design: Design, i: int, forms: Sequence[Form], shapes: Sequence[Shape], run: Run) -> list[Array]:
+    """The columns of forms and shapes in one run as block means, each [k, m]; ``run`` is that run, or with another rate."""
+    b, rows = design.blocks[i], []
     for form in forms:
-        lacks = _lacking(form, fit.design)[i]
-        found = np.zeros((b.t_s.size, len(form.sizes))) if lacks else b.mean(form.columns(b.run, fit.design.axis))
+        found = np.zeros((b.t_s.size, len(form.sizes))) if _lacking(form, design)[i] else b.mean(form.columns(run, design.axis))
         rows.append((found * form.unit).T)
-    rows += [b.mean(shape.columns(b.run)).T for shape in shapes]
-    return np.concatenate(rows)
+    return rows + [b.mean(shape.columns(run)).T for shape in shapes]
 
 
-def _noise_power(design: Design, i: int, forms: Sequence[Form], size: int) -> Array:
-    """What noise adds to the squared norm of each column in one run, shape [q], in the units of the columns."""
-    power, b = np.zeros(size), design.blocks[i]
+def _noise(design: Design, i: int, forms: Sequence[Form], shapes: Sequence[Shape], size: int) -> tuple[Array, Array]:
+    """What noise adds in one run to the square of each column, shape [q], and to the products it is taken out of, [q, q]."""
+    power, products, b = np.zeros(size), np.zeros((size, size)), design.blocks[i]
     if not b.t_s.size:
-        return power
-    fixed = len(design.layout.fixed)
-    power[1 : 1 + fixed] = design.column_noise[i, :, 0]
-    at = 1 + fixed + len(design.layout.run)
+        return power, products
+    fixed = 1 + len(design.layout.fixed)
+    power[1:fixed] = design.column_noise[i, :, 0]
+    first = at = fixed + len(design.layout.run)
+    products[:first, :first] = design.noise_products[i]
     for form in forms:
         found = form.noise(b.run, design.axis, float(b.n[0]))
         if found is not None:
             variance = b.n @ b.mean(found[0])
             power[at : at + variance.size] = variance * form.unit[: variance.size] ** 2
         at += len(form.sizes)
-    return power
+    of_rate = design.rate_noises[i]
+    if of_rate is not None:
+        faster, run = (np.concatenate(_further(design, i, forms, shapes, r)) for r in (with_faster_rate(b.run), b.run))
+        rows = np.zeros((size, b.t_s.size))
+        rows[:fixed], rows[first:] = design.rate_slopes(i), (faster - run) / RATE_STEP_DPS
+        shared = (rows * of_rate.power) @ rows.T
+        power[first:] += np.diag(shared)[first:]
+        np.fill_diagonal(shared[first:, first:], 0.0)
+        products[first:], products[:, first:] = shared[first:], shared[:, first:]
+    return power, products
 
 
 def _cell_s(design: Design) -> float:

@@ -57,7 +57,7 @@ class States:
         for noise, log_prior in drifts:
             cycles, of_runs = _of_cycles(matrix, noise)
             total, of_columns = _beside(cycles, matrix.of_cycles, sds, matrix.shared)
-            products.append(_told_from_noise(total, matrix, noise, sds) if matrix.measured.size else total)
+            products.append(_told_from_noise(total, matrix, noise, sds) if matrix.measured else total)
             weights.append(log_prior + of_spread - 0.5 * (of_runs + of_columns))
             noises += [noise] * len(spreads)
         degrees, of_all = matrix.n - matrix.shared.size, tuple(sd for sd, _ in spreads) * len(drifts)

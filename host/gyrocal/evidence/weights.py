@@ -280,7 +280,8 @@ class Scales:
             if float(logs[s, r]) > top:
                 state, rest = int(near[s]), self.rests[int(r)]
         split = {k: value + inner for k, value in split.items()}
-        total, of_state = _logsum(np.array(list(split.values()))), np.exp(bare - _logsum(bare))
+        total, of_all = _logsum(np.array(list(split.values()))), _logsum(bare)
+        of_state = np.exp(bare - of_all) if np.isfinite(of_all) else np.zeros_like(bare)
         return Weighed(effects, dict(forms), total, split, state, rest, of_state)
 
     def _of_noise(self, state: int, at: Index, sd: Array) -> float:
@@ -330,10 +331,12 @@ class Scales:
             return weighed.log_evidence
         left = np.concatenate([self.matrix.left[k] for k in shapes])
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
-        near = self._near(bare)
-        beside = self._beside_cosines(near, at, sd, left[None]) + np.log(LEFT_OVER / len(AMPLITUDES))
-        inner = weighed.by_rest[None] - _logsum(bare) - np.log(1 - LEFT_OVER)
-        return float(np.logaddexp(_logsum(bare) + np.log(1 - LEFT_OVER), _logsum(beside)) + inner)
+        of_all = _logsum(bare)
+        if not np.isfinite(of_all):
+            return weighed.log_evidence
+        beside = self._beside_cosines(self._near(bare), at, sd, left[None]) + np.log(LEFT_OVER / len(AMPLITUDES))
+        inner = weighed.by_rest[None] - of_all - np.log(1 - LEFT_OVER)
+        return float(np.logaddexp(of_all + np.log(1 - LEFT_OVER), _logsum(beside)) + inner)
 
 
 def _logsum(logs: Array) -> float:

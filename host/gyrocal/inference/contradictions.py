@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.effects.base import Role
 from gyrocal.effects.quantities import power_on_time_s, rate_about, temperature_c
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.design import Mask
@@ -118,18 +117,8 @@ class _Refit:
             return np.zeros((q, q)), 0.0, 0
         columns = design.columns(i)[:, keep]
         summed = Summed.of([columns], b.t_s[keep], b.precision[keep], design.cell_s, design.color)
-        grams, logdet = summed.less(float(keep.mean()) * self._of_column_noise(i)).normal_equations(self.current.noise)
+        grams, logdet = summed.less(float(keep.mean()) * design.noise_products[i]).normal_equations(self.current.noise)
         return grams[0], logdet, int(keep.sum())
-
-    def _of_column_noise(self, i: int) -> Array:
-        """What the noise of measured columns adds to the products [q, q] of one run."""
-        design = self.current.design
-        out = np.zeros((1 + len(design.layout.fixed) + len(design.layout.run),) * 2)
-        for j, power in enumerate(design.column_noise[i, :, 0].tolist(), start=1):
-            role = design.terms[design.layout.fixed[j - 1][0]].effect.role
-            out[j, j] = power
-            out[0, j] = out[j, 0] = -power * ((role is Role.SCALE) + design.origin[j - 1])
-        return out
 
     def _solved(self, of_runs: list[tuple[Array, float, int]]) -> Solution:
         design = self.current.design

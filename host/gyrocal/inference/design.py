@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gyrocal.effects.base import Role, Values, with_role
+from gyrocal.effects.quantities import RATE_STEP_DPS, rate_noise, with_faster_rate
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
@@ -37,6 +38,22 @@ LEAST_CONTRAST = 0.1
 
 Means = list[Array | None]
 """Block means [m, k] of each term's columns in one run; None for a term without columns."""
+
+
+@dataclass(frozen=True)
+class RateNoise:
+    """The noise of the true rate in one run: its variance times the number of samples in each block, ``power`` [m],
+    (deg/s)^2, and the standard error of that variance as a fraction of it.
+    """
+
+    power: Array
+    uncertainty: float
+
+    @staticmethod
+    def of(b: Blocks, axis: int) -> RateNoise | None:
+        """None where the rate has no noise."""
+        found = rate_noise(b.run, axis, float(b.n[0])) if b.t_s.size else None
+        return None if found is None else RateNoise(b.n * b.mean(found[0][:, None])[:, 0], found[1])
 
 
 class Design:
@@ -75,6 +92,11 @@ class Design:
             for i in np.flatnonzero(self.lacking[t]):
                 self.means[i][t] = self.blocks[i].mean(self._stand_in(t, self.blocks[i]))
         self.noises = [self._noises(i, before) for i in range(len(self.blocks))]
+        self.rate_noises: list[RateNoise | None] = [
+            like.rate_noises[i] if like is not None and like.blocks[i] is b else RateNoise.of(b, axis)
+            for i, b in enumerate(self.blocks)
+        ]
+        self.slopes = [self._slopes(i, before) for i in range(len(self.blocks))]
         self.alike = self._alike(like)
         self.layout, self._summed = self._build()
 
@@ -175,6 +197,27 @@ class Design:
             out.append(None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]]))
         return out
 
+    def _slopes(self, i: int, before: Design) -> Means:
+        """How the means of each term's columns in one run change with the true rate, [m, k], per deg/s.
+
+        None where the rate has no noise, and for a term without columns.
+        """
+        of_rate, b = self.rate_noises[i], self.blocks[i]
+        if of_rate is None:
+            return [None] * len(self.terms)
+        faster = replace(b, run=with_faster_rate(b.run))
+        out: Means = []
+        for t, (term, k) in enumerate(zip(self.terms, self._before, strict=True)):
+            means = self.means[i][t]
+            if k is not None and before.blocks[i] is b:
+                out.append(before.slopes[i][k])
+            elif means is None:
+                out.append(None)
+            else:
+                columns = self._stand_in(t, faster) if self.lacking[t][i] else self._at_samples(term, faster)
+                out.append((b.mean(columns) - means) / RATE_STEP_DPS)
+        return out
+
     def _seen(self, like: Design | None) -> list[Blocks]:
         """The blocks as the terms see them: against the rate of their timing, without useless samples."""
         if like is not None and like.timing == self.timing and like.faults == self.faults:
@@ -210,34 +253,67 @@ class Design:
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
         self.column_noise = noise[:, kept]
-        summed = self._less_noise(fixed, summed)
+        self.noise_products = self._noise_products(fixed, len(run))
+        if self.noise_products.any():
+            summed = [s.less(self.noise_products[index]) for index, s in zip(self.alike, summed, strict=True)]
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
 
     def _noise_in(self, fixed: Sequence[tuple[int, int]]) -> Array:
-        """The noise of each shared column in each run, shape [runs, p, 2], as :meth:`_noises`."""
-        nothing = np.zeros(2)
-        return np.array([
-            [nothing if (noise := of_run[term]) is None else noise[j] for term, j in fixed] for of_run in self.noises
-        ]).reshape(len(self.blocks), len(fixed), 2)  # fmt: skip
+        """The noise of each shared column in each run, shape [runs, p, 2], as :meth:`_noises`, that of the rate included."""
+        out = np.zeros((len(self.blocks), len(fixed), 2))
+        for i, of_rate in self._with_noise():
+            for place, (term, j) in enumerate(fixed):
+                known, slopes = self.noises[i][term], self.slopes[i][term]
+                if known is not None:
+                    out[i, place] += known[j]
+                if of_rate is not None and slopes is not None:
+                    out[i, place] += float(of_rate.power @ slopes[:, j] ** 2) * np.array([1.0, of_rate.uncertainty])
+        return out
 
-    def _less_noise(self, fixed: Sequence[tuple[int, int]], summed: Sequence[Summed]) -> list[Summed]:
-        """The sums less what the noise of the columns is expected to add to them (Fuller 1987, section 2.2).
+    def _with_noise(self) -> list[tuple[int, RateNoise | None]]:
+        """The runs in which a column has noise, each with that of its rate."""
+        known = enumerate(zip(self.rate_noises, self.noises, strict=True))
+        return [(i, of_rate) for i, (of_rate, of_terms) in known if of_rate is not None or any(n is not None for n in of_terms)]
+
+    def _noise_products(self, fixed: Sequence[tuple[int, int]], further: int) -> Array:
+        """What noise is expected to add to the products of each run, shape [runs, q, q] (Fuller 1987, section 2.2).
 
         The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
-        as the column's square has gained. The same holds of what ``about`` subtracts.
+        as the column's square has gained. All columns that change with the rate share that noise. The same holds of what
+        ``about`` subtracts.
         """
-        added = [np.zeros_like(s.gram) for s in summed]
-        for j in np.flatnonzero(self.column_noise.any(axis=(0, 2))).tolist():
-            term, column = fixed[j]
-            of_rate = self.terms[term].effect.role is Role.SCALE
-            known = self._known(term)[column] if self.terms[term].effect_id in self.about else 0.0
-            for index, products in zip(self.alike, added, strict=True):
-                power = self.column_noise[index, j, 0]
-                products[:, 1 + j, 1 + j] += power
-                products[:, 0, 1 + j] -= (of_rate + known) * power
-                products[:, 1 + j, 0] -= (of_rate + known) * power
-        return [s.less(products) for s, products in zip(summed, added, strict=True)]
+        q = 1 + len(fixed)
+        out = np.zeros((len(self.blocks), q + further, q + further))
+        for i, of_rate in self._with_noise():
+            noises = self.noises[i]
+            for row, (term, j) in enumerate(fixed, start=1):
+                known = noises[term]
+                if known is not None:
+                    out[i, row, row] += known[j, 0]
+                    if self.terms[term].effect_id in self.about:
+                        out[i, 0, row] -= self._known(term)[j] * known[j, 0]
+                        out[i, row, 0] = out[i, 0, row]
+            if of_rate is not None:
+                rows = self._rate_slopes(i, fixed)
+                products = (rows * of_rate.power) @ rows.T
+                products[0, 0] = 0.0  # the noise of the readings themselves
+                out[i, :q, :q] += products
+        return out
+
+    def rate_slopes(self, i: int) -> Array:
+        """How ``[y | fixed]`` of one run change with the noise of its true rate, shape [1 + p, m]."""
+        return self._rate_slopes(i, self.layout.fixed)
+
+    def _rate_slopes(self, i: int, fixed: Sequence[tuple[int, int]]) -> Array:
+        slopes, size = self.slopes[i], self.blocks[i].t_s.size
+        rows = np.zeros((1 + len(fixed), size))
+        rows[0] = -1.0 - self.subtracted(slopes.__getitem__, size)
+        for row, (term, j) in zip(rows[1:], fixed, strict=True):
+            of_term = slopes[term]
+            if of_term is not None:
+                row[:] = of_term[:, j]
+        return rows
 
     def _varies(self, role: Role | None) -> bool:
         """True if an effect with this role varies over the power cycles of these runs. A single one has a bias of its own."""
