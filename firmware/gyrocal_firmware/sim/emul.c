@@ -53,9 +53,12 @@
     static int part##_low_pass(const void *chip) {                                                                       \
         return emul_##part##_low_pass(chip);                                                                             \
     }                                                                                                                    \
+    static bool part##_i2c_off(const void *chip) {                                                                       \
+        return emul_##part##_i2c_off(chip);                                                                              \
+    }                                                                                                                    \
     static const emul_family_t part = {part##_power_on, part##_brown_out, part##_set_faults, part##_set_fed_only,        \
                                        part##_set_world, part##_feed, part##_batches, part##_int1, part##_tick_us,       \
-                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass}
+                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass, part##_i2c_off}
 
 #define SET_REST_OF_lsm6dso(c, faults) (c)->bad_tags = (faults)->bad_tags
 #define SET_REST_OF_lsm6dsv SET_REST_OF_lsm6dso
@@ -101,10 +104,12 @@ const emul_kind_t *emul_kind(const char *name) {
 
 void emul_power_on(emul_t *emul, double clock, uint64_t now_us, double world_full_scale_dps) {
     const emul_kind_t *kind = emul->kind;
+    emul->speaks_spi[0] = emul->speaks_spi[1] = false;
     kind->family->power_on(&emul->chip, kind->id, kind->is_32, clock, now_us, world_full_scale_dps);
 }
 
 void emul_brown_out(emul_t *emul) {
+    emul->speaks_spi[0] = emul->speaks_spi[1] = false;
     emul->kind->family->brown_out(&emul->chip);
 }
 
@@ -152,14 +157,26 @@ bool emul_is_at(const emul_t *emul, uint8_t address) {
     return die_at(emul, address) >= 0;
 }
 
+bool emul_i2c_off(const emul_t *emul) {
+    return emul->kind->family->i2c_off(&emul->chip);
+}
+
+int emul_write_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, const uint8_t *data, size_t n) {
+    return emul->kind->family->write(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
+int emul_read_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, uint8_t *data, size_t n) {
+    return emul->kind->family->read(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
 int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     const int die = die_at(emul, address);
-    return die < 0 ? -1 : emul->kind->family->write(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+    return die < 0 || emul_i2c_off(emul) ? -1 : emul_write_die(emul, now_us, (unsigned)die, reg, data, n);
 }
 
 int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     const int die = die_at(emul, address);
-    return die < 0 ? -1 : emul->kind->family->read(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+    return die < 0 || emul_i2c_off(emul) ? -1 : emul_read_die(emul, now_us, (unsigned)die, reg, data, n);
 }
 
 const uint8_t *emul_part_file(const char *part, size_t *n) {

@@ -68,6 +68,11 @@ static const char *parse_option(options_t *options, const char *name, const char
     } else if (strcmp(name, "--sensor") == 0) {
         options->list_sensors = strcmp(value, "list") == 0;
         return options->list_sensors ? NULL : choose_sensor(options, value);
+    } else if (strcmp(name, "--bus") == 0) {
+        options->spi = strcmp(value, "spi") == 0;
+        if (!options->spi && strcmp(value, "i2c") != 0) {
+            return "--bus takes i2c or spi";
+        }
     } else if (strcmp(name, "--fault") == 0) {
         options->list_faults = options->list_faults || strcmp(value, "list") == 0;
         return strcmp(value, "list") == 0 ? NULL : faults_add(&options->faults, value);
@@ -103,6 +108,12 @@ const char *options_parse(options_t *options, int argc, char **argv) {
     }
     if (options->fifo > options->driver->batch_max) {
         return "the FIFO of this sensor is not used: leave --fifo out";
+    }
+    if (options->spi && options->driver->spi[0] == NULL) {
+        return "this sensor does not speak SPI: leave --bus out";
+    }
+    if (options->spi && faults_has(&options->faults, FAULT_SHORT_READ)) {
+        return "short_read is a fault of I2C: leave --bus out";
     }
     if (faults_has(&options->faults, FAULT_BAD_TAGS) && options->fifo == 0u) {
         return "bad_tags is a fault of the FIFO: give --fifo";

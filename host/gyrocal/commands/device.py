@@ -36,6 +36,7 @@ def run(
         int, typer.Option(min=0, max=128, help="Samples read at once from the sensor's FIFO; 0: each as it comes.")
     ] = 0,
     part: Annotated[str, typer.Option(metavar="NAME", help="Kind of sensor, such as MPU-6050 or ICM-42688-P.")] = "LSM6DSO",
+    bus: Annotated[str, typer.Option(help="i2c or spi: how the sensor is wired to its board.")] = "i2c",
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     token: Annotated[str | None, typer.Option(help="With --tcp: what a reader must say first, as by Wi-Fi.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
@@ -65,8 +66,8 @@ def run(
     source = _source(session, effects or [], sensors, seed)
     _end_by_signals()
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=_wanted(fault, faults, fifo), fifo=fifo, part=part, tcp=tcp, token=token,
-        symlink=link, hold=hold, bench=bench,
+        source, speed, stream=stream, faults=_wanted(fault, faults, fifo), fifo=fifo, part=part, bus=bus, tcp=tcp,
+        token=token, symlink=link, hold=hold, bench=bench,
     )  # fmt: skip
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)

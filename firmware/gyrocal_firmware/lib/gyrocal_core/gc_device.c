@@ -235,7 +235,7 @@ static void empty_fifo(gc_device_t *d) {
 /* The part that these settings name, or that is asked first for its id. */
 static const gc_part_t *part_of(const gc_device_t *d, const gc_settings_t *settings) {
     const gc_part_t *part = d->config.part != NULL ? d->config.part : gc_settings_part(settings, d->config.parts);
-    part = part != NULL ? part : gc_part_at(d->config.parts, d->config.address);
+    part = part != NULL ? part : gc_part_at(d->config.parts, d->config.port, d->config.address);
     return part != NULL ? part : d->config.parts[0];
 }
 
@@ -355,8 +355,8 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     gc_settings_t settings = before;
     int error = gc_settings_parse(&settings, command->setting, command->value, d->config.parts);
     const gc_part_t *part = settings.sensor == before.sensor ? d->sampler.part : part_of(d, &settings);
-    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.address)) {
-        error = GC_E_ARGUMENT;
+    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.port, d->config.address)) {
+        error = d->config.port->spi != NULL ? GC_E_NO_SPI : GC_E_ARGUMENT;
     }
     if (error == GC_OK) {
         error = gc_settings_check(&settings, part);

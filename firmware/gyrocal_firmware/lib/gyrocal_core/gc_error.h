@@ -24,6 +24,7 @@ extern "C" {
     X(GC_E_REPEATED, -14, "repeated", "readings came more than once: lower rate_hz or power the sensor off and on")      \
     X(GC_E_PART_FILE, -15, "part_file", "this sensor needs its maker's configuration file: see Sensors in docs/board.md")       \
     X(GC_E_PART_FILE_REFUSED, -16, "part_file_refused", "the sensor did not take its configuration file: check file and cable") \
+    X(GC_E_NO_SPI, -17, "no_spi", "this sensor does not speak SPI: wire it to I2C or connect another")                         \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
