@@ -63,11 +63,10 @@ def run(
         return
     if stream not in ("raw", "off"):
         raise InputError(f"--stream {stream}: want raw or off")
-    source = _source(session, effects or [], sensors, seed)
     _end_by_signals()
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=_wanted(fault, faults, fifo), fifo=fifo, part=part, bus=bus, tcp=tcp,
-        token=token, symlink=link, hold=hold, bench=bench,
+        _source(session, effects or [], sensors, seed), speed, stream=stream, faults=_wanted(fault, faults, fifo),
+        fifo=fifo, part=part, bus=bus, tcp=tcp, token=token, symlink=link, hold=hold, bench=bench,
     )  # fmt: skip
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)

@@ -40,9 +40,9 @@ def sim_command(
 ) -> list[str]:
     """The command line of the simulator, which is compiled if necessary.
 
-    ``imu`` is the sensor's number on its board, ``part`` its kind, ``bus`` i2c or spi. ``fifo`` is the number of samples that the device takes
-    from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with noise and flash, and
-    answers commands. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
+    ``imu`` is the sensor's number on its board, ``part`` its kind, ``bus`` i2c or spi. ``fifo`` is the number of samples that
+    the device takes from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with
+    noise and flash, and answers commands. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
     """
     from gyrocal.core import library
 
