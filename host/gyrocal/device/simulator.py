@@ -42,7 +42,7 @@ def sim_command(
 
     ``imu`` is the sensor's number on its board, ``part`` its kind, ``bus`` i2c or spi. ``fifo`` is the number of samples that
     the device takes from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with
-    noise and flash, and answers commands. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
+    noise and flash, and answers commands. ``include_dir`` is the folder of other headers than the shipped ones.
     """
     from gyrocal.core import library
 

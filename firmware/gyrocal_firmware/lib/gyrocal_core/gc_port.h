@@ -49,7 +49,7 @@ typedef struct {
     /* By I2C: write and read registers of the part at a 7-bit address. Return 0, or the number of bytes read; negative on error. */
     int (*bus_write)(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
     int (*bus_read)(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
-    /* By SPI, instead of both: with the chip select of a die low (0; the BMI088's accelerometer is 1), sends n_out bytes and then
+    /* By SPI, instead of both: with the chip select of a die low (0, or 1 where a part has two), sends n_out bytes and then
        receives n_in. Returns 0; negative on error. `how` tells clock and mode; the core has put the rest into `out`. */
     int (*spi)(void *context, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in);
 
