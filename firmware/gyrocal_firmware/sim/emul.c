@@ -83,15 +83,27 @@ FAMILY(bmi270);
 FAMILY(bmi088);
 FAMILY(lsm6dsv);
 
+static const emul_spi_t of_st = {10000000, 1, {0, 0}, {false, false}}, of_mpu = {1000000, 1, {0, 0}, {false, false}},
+                        of_42688 = {24000000, 1, {0, 0}, {false, false}}, of_20948 = {7000000, 1, {0, 0}, {false, false}},
+                        of_270 = {10000000, 1, {1, 0}, {true, false}}, of_088 = {10000000, 2, {0, 1}, {false, true}};
+
 const emul_kind_t emul_kinds[] = {
-    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false, 0},     {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false, 0},
-    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true, 0},    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false, 0},
-    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false, 0}, {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false, 0},
-    {"MPU-6050", &mpu6050, 0x68, 0x68, false, 0},    {"MPU-6500", &mpu6050, 0x68, 0x70, false, 0},
-    {"MPU-9250", &mpu6050, 0x68, 0x71, false, 0},    {"MPU-9255", &mpu6050, 0x68, 0x73, false, 0},
-    {"ICM-42688-P", &icm42688, 0x68, 0x47, false, 0}, {"ICM-20948", &icm20948, 0x68, 0xEA, false, 0},
-    {"BMI270", &bmi270, 0x68, 0x24, false, 0},       {"BMI088", &bmi088, 0x68, 0x0F, false, 0x18},
-    {"LSM6DSV", &lsm6dsv, 0x6B, 0x70, false, 0},     {NULL, NULL, 0, 0, false, 0},
+    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false, 0, &of_st},
+    {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false, 0, &of_st},
+    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true, 0, &of_st},
+    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false, 0, &of_st},
+    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false, 0, &of_st},
+    {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false, 0, &of_st},
+    {"MPU-6050", &mpu6050, 0x68, 0x68, false, 0, NULL},
+    {"MPU-6500", &mpu6050, 0x68, 0x70, false, 0, &of_mpu},
+    {"MPU-9250", &mpu6050, 0x68, 0x71, false, 0, &of_mpu},
+    {"MPU-9255", &mpu6050, 0x68, 0x73, false, 0, &of_mpu},
+    {"ICM-42688-P", &icm42688, 0x68, 0x47, false, 0, &of_42688},
+    {"ICM-20948", &icm20948, 0x68, 0xEA, false, 0, &of_20948},
+    {"BMI270", &bmi270, 0x68, 0x24, false, 0, &of_270},
+    {"BMI088", &bmi088, 0x68, 0x0F, false, 0x18, &of_088},
+    {"LSM6DSV", &lsm6dsv, 0x6B, 0x70, false, 0, &of_st},
+    {NULL, NULL, 0, 0, false, 0, NULL},
 };
 
 const emul_kind_t *emul_kind(const char *name) {

@@ -36,12 +36,21 @@ typedef struct {
     bool (*i2c_off)(const void *chip);
 } emul_family_t;
 
+/* How a kind speaks SPI, by its datasheet; all that do take modes 0 and 3. Of each die: bytes before what is read, and whether it
+   answers nothing before it was asked for SPI. */
+typedef struct {
+    uint32_t most_hz;
+    unsigned dies, dummies[2];
+    bool asked_for[2];
+} emul_spi_t;
+
 typedef struct {
     const char *name; /* as the driver calls it */
     const emul_family_t *family;
     uint8_t address, id;
     bool is_32;
     uint8_t other_address; /* of a second die; 0 = there is none */
+    const emul_spi_t *spi; /* NULL = it has none */
 } emul_kind_t;
 
 typedef struct {

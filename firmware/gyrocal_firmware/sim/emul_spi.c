@@ -7,27 +7,6 @@
 #define BOSCH_RESET_REG 0x7E
 #define BOSCH_RESET 0xB6
 
-/* By the datasheets; all of these take modes 0 and 3. Of the dies: bytes before what is read, and whether SPI must be asked for. */
-static const struct {
-    const char *names; /* begin with this */
-    uint32_t most_hz;  /* 0 = it has no SPI */
-    unsigned dies, dummies[2];
-    bool asked_for[2];
-} facts[] = {
-    {"LSM6", 10000000, 1, {0, 0}, {false, false}},      {"MPU-6050", 0, 0, {0, 0}, {false, false}},
-    {"MPU-", 1000000, 1, {0, 0}, {false, false}},       {"ICM-42688", 24000000, 1, {0, 0}, {false, false}},
-    {"ICM-20948", 7000000, 1, {0, 0}, {false, false}},  {"BMI270", 10000000, 1, {1, 0}, {true, false}},
-    {"BMI088", 10000000, 2, {0, 1}, {false, true}},
-};
-
-static size_t facts_of(const emul_t *emul) {
-    size_t i = 0;
-    while (strncmp(emul->kind->name, facts[i].names, strlen(facts[i].names)) != 0) {
-        i++;
-    }
-    return i;
-}
-
 static void write_to(emul_t *emul, uint64_t now_us, unsigned die, bool asked_for, const uint8_t *out, size_t n_out) {
     const int taken = emul_write_die(emul, now_us, die, out[0], out + 1, n_out - 1u);
     if (taken >= 0 && asked_for && out[0] == BOSCH_RESET_REG && out[1] == BOSCH_RESET) {
@@ -48,24 +27,24 @@ static void read_from(emul_t *emul, uint64_t now_us, unsigned die, size_t dummie
 
 void emul_spi(emul_t *emul, uint64_t now_us, unsigned die, unsigned mode, uint32_t hz, const uint8_t *out, size_t n_out, uint8_t *in,
               size_t n_in) {
-    const size_t i = facts_of(emul);
+    const emul_spi_t *facts = emul->kind->spi;
     const bool reads = n_out > 0 && (out[0] & READS) != 0;
     const bool whole = reads ? n_in > 0 && n_out + n_in < LONGEST : n_out > 1 && n_in == 0;
     uint8_t nothing[1];
     if (n_in > 0) {
         memset(in, 0xFF, n_in);
     }
-    if (!whole || die >= facts[i].dies || hz > facts[i].most_hz || (mode != 0 && mode != 3)) {
+    if (!whole || facts == NULL || die >= facts->dies || hz > facts->most_hz || (mode != 0 && mode != 3)) {
         emul->spi_faults++;
         return;
     }
-    if (facts[i].asked_for[die] && !emul->speaks_spi[die]) {
+    if (facts->asked_for[die] && !emul->speaks_spi[die]) {
         emul->speaks_spi[die] = emul_read_die(emul, now_us, die, 0, nothing, 0) >= 0; /* not before it has started */
         return;
     }
     if (reads) {
-        read_from(emul, now_us, die, facts[i].dummies[die], out[0] & 0x7Fu, n_out - 1u, in, n_in);
+        read_from(emul, now_us, die, facts->dummies[die], out[0] & 0x7Fu, n_out - 1u, in, n_in);
     } else {
-        write_to(emul, now_us, die, facts[i].asked_for[die], out, n_out);
+        write_to(emul, now_us, die, facts->asked_for[die], out, n_out);
     }
 }

@@ -425,8 +425,10 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
         command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
     }
     command(sim, "hello"); /* the sentence at boot came before these settings */
-    if (sim->options.stream) {
-        command(sim, "stream raw");
+    char text[GC_COMMAND_MAX];
+    snprintf(text, sizeof text, "stream %s", sim->options.stream);
+    if (strcmp(sim->options.stream, "off") != 0) {
+        command(sim, text);
     }
 }
 

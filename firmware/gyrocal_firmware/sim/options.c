@@ -37,10 +37,10 @@ static const char *parse_option(options_t *options, const char *name, const char
         }
         options->imu = (unsigned)number;
     } else if (strcmp(name, "--stream") == 0) {
-        options->stream = strcmp(value, "raw") == 0;
-        if (!options->stream && strcmp(value, "off") != 0) {
-            return "--stream takes raw or off";
+        if (strcmp(value, "raw") != 0 && strcmp(value, "packed") != 0 && strcmp(value, "off") != 0) {
+            return "--stream takes raw, packed or off";
         }
+        options->stream = value;
     } else if (strcmp(name, "--fifo") == 0) {
         if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_BATCH_MAX) {
             return "--fifo takes a number of samples, 128 at most";
@@ -84,6 +84,7 @@ static const char *parse_option(options_t *options, const char *name, const char
 
 const char *options_parse(options_t *options, int argc, char **argv) {
     options->speed = 1.0;
+    options->stream = "off";
     (void)choose_sensor(options, emul_kinds[0].name);
     for (int i = 1; i < argc; i++) {
         const char *wrong = NULL;

@@ -15,7 +15,7 @@
  *   GYROCAL_SDA2, GYROCAL_SCL2   a second bus, for sensors three and four (not on the ESP32-C3, which has one)
  *   GYROCAL_SPI_CS               a sensor by SPI, number 0, and none by I2C: its chip select, with
  *   GYROCAL_SPI_SCK, GYROCAL_SPI_MISO, GYROCAL_SPI_MOSI
- *   GYROCAL_SPI_CS2              chip select of a BMI088's accelerometer (GYROCAL_SPI_CS is its gyroscope's)
+ *   GYROCAL_SPI_CS2              chip select of a second die, where the sensor has one (docs/first-hour.md)
  *   GYROCAL_SPI_HZ               the fastest clock of SPI; slower where the wires are long
  *   GYROCAL_INT1                 pin that a sensor's INT1 is wired to, and
  *   GYROCAL_INT1_SENSOR          that sensor's number (0 by default)

@@ -24,7 +24,7 @@ def run(
         int, typer.Option(min=1, max=4, help="On the board, each with its own simulated scenario or the same session.")
     ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
-    stream: Annotated[str, typer.Option(help="raw or off: what it sends until another `stream` command.")] = "raw",
+    stream: Annotated[str, typer.Option(help="raw, packed or off: what it sends until another `stream` command.")] = "raw",
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -61,8 +61,8 @@ def run(
     if "list" in (fault or []):
         print(listed(), end="")
         return
-    if stream not in ("raw", "off"):
-        raise InputError(f"--stream {stream}: want raw or off")
+    if stream not in ("raw", "packed", "off"):
+        raise InputError(f"--stream {stream}: want raw, packed or off")
     _end_by_signals()
     simulated = device.SimulatedDevice(
         _source(session, effects or [], sensors, seed), speed, stream=stream, faults=_wanted(fault, faults, fifo),

@@ -8,7 +8,7 @@
 #define RESET_LOOK_US 50u
 enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL_REGS }; /* the watched ones */
 
-static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}, {3333.0, 9}};
+static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}, {3333.0, 9}, {6667.0, 10}};
 static const gc_spi_t spi = {
     .most_hz = 10000000, .mode = 3, .i2c_off_reg = GC_LSM6DSO_CTRL4_C, .i2c_off = GC_LSM6DSO_CTRL4_I2C_DISABLE};
 static const gc_range_t ranges[] = {
