@@ -1,13 +1,14 @@
 """Frames of samples: each is read back as the sentences that it stands for, alone, between lines, cut anywhere, and damaged."""
 
+import contextlib
 import struct
 
 import numpy as np
 import pytest
 
 from frames import frame, stream, stuffed
-from gyrocal.device.packed import unpack, unstuffed
-from gyrocal.device.port import Link
+from gyrocal.device.packed import end_of_whole, unpack, unstuffed
+from gyrocal.device.port import Link, PortGone
 from gyrocal.device.simulated import SimulatedDevice, simulated_scenario
 from gyrocal.device.wire import Reader, Sentence, crc16, encode
 
@@ -83,6 +84,31 @@ def test_any_body_with_its_checksum_is_read_or_refused() -> None:
             body[2] = max(len(body) - 27, 0) // 8
         read += len(unpack(stuffed(bytes(body) + struct.pack("<H", crc16(bytes(body)))))) > 0
     assert read > 50
+
+
+def test_the_whole_of_what_a_device_has_sent() -> None:
+    data, _ = stream()
+    part, _ = frame(500, 5, 32)
+    assert end_of_whole(data) == len(data)
+    for cut in (1, 5, len(part) - 1):
+        assert end_of_whole(data + b"$ACK,1") == len(data)
+        assert end_of_whole(data + part[:cut]) == len(data)
+        assert end_of_whole(data + b"# text\n" + part[:cut]) == len(data) + 7
+
+
+def test_two_sensors_side_by_side() -> None:
+    sessions = [simulated_scenario([], seed) for seed in range(2)]
+    reader = Reader()
+    with SimulatedDevice(sessions, stream="packed") as device, Link(device.port) as link:
+        link.reader = reader
+        link.greet()
+        samples = []
+        with contextlib.suppress(PortGone):
+            while True:
+                samples += [s.imu for s in link.receive() if s.tag == "RAW"]
+    assert samples.count(0) >= sum(len(run.t_us) for run in sessions[0].runs)
+    assert samples.count(1) >= sum(len(run.t_us) for run in sessions[1].runs)
+    assert (reader.bad, reader.lost, reader.overlong) == (0, 0, 0)
 
 
 def test_a_rate_beyond_text_is_asked_for_as_frames() -> None:

@@ -26,6 +26,17 @@ def unstuffed(frame: bytes) -> bytes | None:
     return b"".join(blocks)
 
 
+def end_of_whole(data: bytes) -> int:
+    """Where the last line or frame ends that is whole, of what a device has sent since another such end."""
+    at = 0
+    while (zero := data.find(b"\0", at)) >= 0:
+        end = data.find(b"\0", zero + 1)
+        if end < 0:
+            return max(at, data.rfind(b"\n", at, zero) + 1)
+        at = end + 1
+    return max(at, data.rfind(b"\n", at) + 1)
+
+
 def unpack(frame: bytes) -> list[tuple[int, int, int, str]]:
     """The sentences in a frame, each as number, time, sensor and fields; none if it is damaged."""
     data = unstuffed(frame) if len(frame) <= MAX_FRAME else None

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from gyrocal.device.faults import check_faults
 from gyrocal.device.outlet import Outlet
+from gyrocal.device.packed import end_of_whole
 from gyrocal.device.port import REPLAY_NOTE
 from gyrocal.errors import DeviceError, InputError
 
@@ -107,11 +108,13 @@ class Simulator:
                 end.close()
 
     def read(self) -> bytes:
-        """The complete lines that have come; at the end of the simulator also the rest."""
+        """The whole lines and frames that have come; at the end of the simulator also the rest."""
         data = os.read(self.fd, CARRY)
         self.ended = not data
-        lines, newline, self._rest = (self._rest + data).rpartition(b"\n")
-        return self._rest if self.ended else lines + newline
+        data = self._rest + data
+        end = len(data) if self.ended else end_of_whole(data)
+        self._rest = data[end:]
+        return data[:end]
 
     def write(self, data: bytes) -> None:
         """Write all bytes to the process. Bytes for a process that has ended are dropped."""
