@@ -96,11 +96,15 @@ static unsigned held(gc_sensor_t *sensor, double period_us) {
     return depth;
 }
 
+/* At the slowest of such rates: this bus carries no other. */
 static unsigned long gyro_alone(const gc_part_t *part, const emul_kind_t *kind) {
-    const gc_odr_t *fastest = &part->odr[part->odrs - 1u];
     gc_sensor_t sensor;
-    const bool has_one = part->batch_max > 0u && fastest->hz > GC_FIFO_ALONE_HZ;
-    return has_one && begin(&sensor, part, kind, fastest->hz) == GC_OK ? batched(&sensor, 1e6 * (1.0 + 1e-3) / fastest->hz) : 0;
+    size_t i = 0;
+    while (i < part->odrs && part->odr[i].hz <= GC_FIFO_ALONE_HZ) {
+        i++;
+    }
+    const bool has_one = part->batch_max > 0u && i < part->odrs;
+    return has_one && begin(&sensor, part, kind, part->odr[i].hz) == GC_OK ? batched(&sensor, 1e6 * (1.0 + 1e-3) / part->odr[i].hz) : 0;
 }
 
 int main(void) {

@@ -1,6 +1,8 @@
 /* Every driver against its emulated part, by one table. */
 #include "parts_bus.h"
 
+#include "gc_mpu6050.h"
+
 static bool right(const gc_part_t *part, const gc_sensor_t *imu, const gc_sample_t *s) {
     bool all = fabs(part->zero_c + part->lsb_c * s->temp - 22.0) <= 0.51 * part->lsb_c;
     for (int i = 0; i < 3; i++) {
@@ -56,6 +58,14 @@ static void check_rates(const gc_part_t *part) {
     }
     CHECK(gc_part_odr_for(part, 145.0) >= 1.2 * 145.0);
     CHECK(gc_part_odr_for(part, 1999.0) == 0.0); /* polled by none of the rates that need the FIFO */
+}
+
+/* It is on SPI alone, and nothing was sent to it that its maker does not allow. */
+static void check_spi(const gc_part_t *part) {
+    gc_sensor_t imu;
+    CHECK(set_up(&imu, part, part->odr[part->odrs / 2].hz, 250.0, 1.0) == GC_OK);
+    CHECK(emul_i2c_off(&emul) == (by_spi() && part->spi[0]->i2c_off != 0u));
+    CHECK(emul.spi_faults == 0u);
 }
 
 static void check_ranges(const gc_part_t *part) {
@@ -196,7 +206,8 @@ static void check_fifo(const gc_part_t *part) {
         now += (uint64_t)(8.0 * period_us);
         CHECK(gc_sensor_fifo_read(&imu, &batch) == GC_OK && !batch.overrun && batch.n >= 7u && right(part, &imu, &batch.sample[6]));
         set_faults(true, false, false, false);
-        CHECK(gc_sensor_fifo_read(&imu, &batch) == GC_E_BUS_NACK);
+        const int error = gc_sensor_fifo_read(&imu, &batch);
+        CHECK(error == (!by_spi() ? GC_E_BUS_NACK : part->address[0] == 0x6B ? GC_E_FIFO_TAG : GC_E_CONFIG_LOST));
         set_faults(false, false, true, false);
         now += (uint64_t)(400.0 * period_us);
         (void)gc_sensor_fifo_read(&imu, &batch);
@@ -286,7 +297,7 @@ static void check_stamps(const gc_part_t *part) {
             now += (uint64_t)((flood ? 1000.0 + 37.0 * k : 33.0) * period_us);
             if (breaks) {
                 set_faults(true, false, false, false);
-                CHECK(gc_sensor_fifo_read(&imu, &batch) == GC_E_BUS_NACK);
+                CHECK(gc_sensor_fifo_read(&imu, &batch) == (by_spi() ? GC_E_FIFO_TAG : GC_E_BUS_NACK));
                 set_faults(false, false, false, false);
                 imu.fifo_broken = true; /* as after a transfer in its middle */
                 continue;
@@ -356,7 +367,7 @@ static void check_found(const gc_part_t *part) {
         const gc_part_t *looked = NULL;
         emul.address = part->address[k];
         power(1.0);
-        CHECK(gc_part_look(gc_parts, &port, &looked) == part->address[k] && looked == found);
+        CHECK(gc_part_look(gc_parts, &port, &looked) == part->address[by_spi() ? 0u : k] && looked == found);
     }
     emul.address = 0;
     set_faults(true, false, false, false);
@@ -373,9 +384,9 @@ static void check_found(const gc_part_t *part) {
     CHECK(device.sampler.ready && device.sampler.part == part && heard(line) && !heard("$ERR"));
     gc_device_receive(&device, "set sensor auto\n", 16);
     CHECK(device.sampler.ready && device.sampler.part == found);
-    const char *const elsewhere = emul.kind->address == 0x6B ? "set sensor MPU-6050\n" : "set sensor LSM6DSO\n";
+    const char *const elsewhere = by_spi() || emul.kind->address == 0x6B ? "set sensor MPU-6050\n" : "set sensor LSM6DSO\n";
     gc_device_receive(&device, elsewhere, strlen(elsewhere));
-    CHECK(heard("bad_argument") && device.sampler.part == found);
+    CHECK(heard(by_spi() ? "no_spi" : "bad_argument") && device.sampler.part == found);
 }
 
 /* The sensor is exchanged for this one while the device runs, with settings that one of both may not have. */
@@ -384,7 +395,7 @@ static void check_exchanged(const gc_part_t *part, const emul_kind_t *kind) {
     const gc_device_config_t config = {.port = &port, .parts = gc_parts, .address = kind->address};
     char line[64];
     for (const emul_kind_t *before = emul_kinds; before->name != NULL; before++) {
-        if (before->address != kind->address || before->id == kind->id) {
+        if (before->address != kind->address || before->id == kind->id || (by_spi() && strcmp(before->name, "MPU-6050") == 0)) {
             continue;
         }
         emul.kind = before;
@@ -412,12 +423,49 @@ static void check_exchanged(const gc_part_t *part, const emul_kind_t *kind) {
     emul.kind = kind;
 }
 
-int main(void) {
+/* A part that goes is missed: what then is read, the level of a line that nobody drives, is no sample. */
+static void check_gone(const gc_part_t *part) {
+    gc_sensor_t imu;
+    gc_sample_t s;
+    const double hz = part->odr[part->odrs / 2].hz;
+    CHECK(set_up(&imu, part, hz, 250.0, 1.0) == GC_OK);
+    (void)wait_for_data(&imu);
+    CHECK(gc_sensor_read(&imu, &s) == GC_OK && s.fresh);
+    now += (uint64_t)(2e6 / hz);
+    set_faults(true, false, false, false);
+    CHECK(gc_sensor_read(&imu, &s) == (by_spi() ? GC_E_CONFIG_LOST : GC_E_BUS_NACK));
+    set_faults(false, false, false, false);
+}
+
+/* A part without SPI is refused with words, and one is not taken for another by what its other registers hold. */
+static void check_others_by_spi(void) {
+    gc_sensor_t imu;
+    const gc_part_t *found = NULL;
+    emul.kind = emul_kind("MPU-6050");
+    CHECK(set_up(&imu, &gc_mpu6050, 100.0, 250.0, 1.0) == GC_E_NO_SPI);
+    power(1.0);
+    CHECK(gc_part_find(gc_parts, &port, 0, &found) == GC_E_BUS_NACK && found == NULL);
+    emul.kind = emul_kind("MPU-6500");
+    power(1.0);
+    for (unsigned i = 0; i < 16u; i++) {
+        emul.chip.mpu6050.reg[i] = (uint8_t)(i == 0u ? 0x24 : 0x6C); /* the id of a BMI270 as a code of the self-test, those of an LSM6DSO */
+    }
+    uint8_t before[128];
+    memcpy(before, emul.chip.mpu6050.reg, sizeof before);
+    CHECK(gc_part_find(gc_parts, &port, 0, &found) == GC_OK && found == &gc_mpu6500);
+    CHECK(memcmp(emul.chip.mpu6050.reg, before, sizeof before) == 0);
+}
+
+static void check_all(void) {
     size_t i = 0;
     for (const emul_kind_t *kind = emul_kinds; kind->name != NULL; kind++, i++) {
         const gc_part_t *part = gc_parts[i];
         emul.kind = kind;
         CHECK(part != NULL && strcmp(part->name, kind->name) == 0);
+        if (by_spi() && part->spi[0] == NULL) {
+            continue;
+        }
+        emul.spi_faults = 0;
         check_rates(part);
         check_ranges(part);
         check_accelerometer(part);
@@ -429,9 +477,18 @@ int main(void) {
         check_self_test(part);
         check_self_test_told(part);
         check_found(part);
-        check_exchanged(part, kind);
+        check_gone(part);
+        check_spi(part);
+        check_exchanged(part, kind); /* which asks for the one at the other's clock */
     }
     emul.kind = emul_kinds;
     CHECK(gc_parts[i] == NULL);
+}
+
+int main(void) {
+    check_all();
+    choose_bus(true);
+    check_all();
+    check_others_by_spi();
     return failures == 0 ? 0 : 1;
 }

@@ -3,6 +3,7 @@
 #define PARTS_BUS_H
 
 #include "emul.h"
+#include "emul_spi.h"
 #include "gc_bmi270.h"
 #include "gc_device.h"
 #include "gc_error.h"
@@ -15,6 +16,7 @@
 static uint64_t now;
 static emul_t emul;
 static int failures;
+static bool by_spi(void);
 static int refuse_writes_to = -1;
 static char said[65536];
 static size_t n_said;
@@ -22,7 +24,7 @@ static size_t n_said;
 #define CHECK(condition)                                                            \
     do {                                                                            \
         if (!(condition)) {                                                         \
-            printf("%s, line %d: %s\n", emul.kind->name, __LINE__, #condition);     \
+            printf("%s by %s, line %d: %s\n", emul.kind->name, by_spi() ? "SPI" : "I2C", __LINE__, #condition); \
             failures++;                                                             \
         }                                                                           \
     } while (0)
@@ -37,6 +39,15 @@ static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, 
     (void)context;
     now += 70;
     return emul_read(&emul, now, address, reg, data, n);
+}
+
+static int spi(void *context, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+    (void)context;
+    now += 20;
+    if (out[0] != refuse_writes_to) {
+        emul_spi(&emul, now, die, how->mode, how->most_hz, out, n_out, in, n_in);
+    }
+    return 0;
 }
 
 static uint64_t now_us(void *context) {
@@ -64,8 +75,18 @@ static const uint8_t *part_file(void *context, const char *part, size_t *n) {
     return emul_part_file(part, n);
 }
 
-static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
-                               .send = send_text, .part_file = part_file};
+static gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us,
+                         .send = send_text, .part_file = part_file};
+
+static bool by_spi(void) {
+    return port.spi != NULL;
+}
+
+static void choose_bus(bool is_spi) {
+    port.spi = is_spi ? spi : NULL;
+    port.bus_write = is_spi ? NULL : bus_write;
+    port.bus_read = is_spi ? NULL : bus_read;
+}
 
 /* 22 degC, 40, -60 and 100 dps, 0.5, -0.75 and 1 g. */
 static const int16_t world[EMUL_WORDS] = {-768, 4571, -6857, 11429, 8197, -12295, 16393};

@@ -204,6 +204,68 @@ static void check_strict_lsm6dsv(void) {
     CHECK(emul_read(&emul, now, 0x6B, 0x0F, &(uint8_t){0}, 1) == -1);
 }
 
+static uint8_t by(unsigned die, unsigned mode, uint32_t hz, const uint8_t *out, size_t n_out) {
+    uint8_t value = 0;
+    now += 70;
+    emul_spi(&emul, now, die, mode, hz, out, n_out, &value, 1);
+    return value;
+}
+
+/* Of a die that sends no dummy byte, and of one that does. */
+static uint8_t id_by(unsigned die, unsigned mode, uint32_t hz, uint8_t reg) {
+    return by(die, mode, hz, (const uint8_t[]){(uint8_t)(reg | 0x80)}, 1);
+}
+
+static uint8_t id_behind_dummy(unsigned die) {
+    return by(die, 0, 10000000, (const uint8_t[]){0x80, 0}, 2);
+}
+
+static void send_by_spi(unsigned die, uint8_t reg, uint8_t value) {
+    now += 70;
+    emul_spi(&emul, now, die, 0, 1000000, (const uint8_t[]){reg, value}, 2, NULL, 0);
+}
+
+static void check_strict_spi(void) {
+    emul.spi_faults = 0;
+    emul.kind = emul_kind("BMI270");
+    power(1.0);
+    CHECK(id_behind_dummy(0) == 0xFF && id_behind_dummy(0) == 0x24); /* it starts as one of I2C */
+    CHECK(id_by(0, 0, 10000000, 0x00) == 0xA5);                      /* the byte before the id */
+    CHECK(by(0, 0, 10000000, (const uint8_t[]){0x00, 0}, 2) == 0xFF && emul.spi_faults == 1u); /* a writing that reads */
+    send_by_spi(0, 0x7E, 0xB6);
+    now += 3000;
+    CHECK(id_behind_dummy(0) == 0xFF && id_behind_dummy(0) == 0x24);
+    emul_brown_out(&emul);
+    CHECK(id_behind_dummy(0) == 0xFF && id_behind_dummy(0) == 0x24 && emul.spi_faults == 1u);
+
+    emul.kind = emul_kind("BMI088");
+    power(1.0);
+    CHECK(id_by(0, 3, 10000000, 0x00) == 0x0F);
+    CHECK(id_behind_dummy(1) == 0xFF && id_behind_dummy(1) == 0x1E && id_by(1, 0, 10000000, 0x00) == 0xA5);
+    CHECK(emul.spi_faults == 1u && id_by(2, 0, 10000000, 0x00) == 0xFF && emul.spi_faults == 2u);
+
+    emul.kind = emul_kind("MPU-9250");
+    power(1.0);
+    CHECK(id_by(0, 3, 1000000, 0x75) == 0x71 && id_by(0, 0, 1000000, 0x75) == 0x71 && emul.spi_faults == 2u);
+    CHECK(id_by(0, 1, 1000000, 0x75) == 0xFF && id_by(0, 2, 1000000, 0x75) == 0xFF && emul.spi_faults == 4u);
+    CHECK(id_by(0, 3, 1000001, 0x75) == 0xFF && emul.spi_faults == 5u);
+    CHECK(by(0, 3, 1000000, (const uint8_t[]){0xF5, 0}, 2) == 0x00 && emul.spi_faults == 5u); /* the register behind it */
+    send_by_spi(0, 0x6A, 0x10);
+    CHECK(emul_i2c_off(&emul) && id_by(0, 3, 1000000, 0x75) == 0x71);
+    CHECK(emul_read(&emul, now, 0x68, 0x75, &(uint8_t){0}, 1) == -1);
+    emul_set_faults(&emul, &(emul_faults_t){.nack = true});
+    CHECK(id_by(0, 3, 1000000, 0x75) == 0xFF && emul.spi_faults == 5u);
+    emul_set_faults(&emul, &(emul_faults_t){.nack = false});
+
+    emul.kind = emul_kind("LSM6DSO");
+    power(1.0);
+    send_by_spi(0, 0x13, 0x04);
+    CHECK(id_by(0, 3, 10000000, 0x0F) == 0x6C && emul_read(&emul, now, 0x6B, 0x0F, &(uint8_t){0}, 1) == -1);
+    emul.kind = emul_kind("MPU-6050");
+    power(1.0);
+    CHECK(id_by(0, 3, 1, 0x75) == 0xFF && emul.spi_faults == 6u);
+}
+
 int main(void) {
     check_strict_mpu6050();
     check_strict_icm42688();
@@ -212,5 +274,6 @@ int main(void) {
     check_strict_bmi088();
     check_strict_lsm6dsv();
     check_strict_older();
+    check_strict_spi();
     return failures == 0 ? 0 : 1;
 }

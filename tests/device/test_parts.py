@@ -16,10 +16,10 @@ from gyrocal.recording.session import Session
 LSB_DPS = {"LSM6DSR": 0.00875, "MPU-6050": 1 / 131, "ICM-42688-P": 1 / 131}
 
 
-@pytest.mark.parametrize("part", LSB_DPS)
-def test_a_recording_of_each_family_is_the_session_that_it_measured(part: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("part", "bus"), [*((part, "i2c") for part in LSB_DPS), ("ICM-42688-P", "spi")])
+def test_a_recording_of_each_family_is_the_session_that_it_measured(part: str, bus: str, tmp_path: Path) -> None:
     session = simulated_scenario([], 0)
-    with SimulatedDevice(session, part=part) as simulated, Link(simulated.port) as link:
+    with SimulatedDevice(session, part=part, bus=bus) as simulated, Link(simulated.port) as link:
         report = Recorder(link, tmp_path / "out", wanted=None).record()
     assert (report.lost_sentences, report.bad_sentences, report.errors) == (0, 0, [])
     recorded = Session.open(tmp_path / "out")
@@ -38,7 +38,10 @@ def test_a_recording_of_each_family_is_the_session_that_it_measured(part: str, t
 
 def test_the_kinds_are_listed_and_others_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert part_names()[:3] == ["LSM6DSO", "LSM6DSOX", "LSM6DSO32"]
-    for options, reason in ((["MPU6050"], "want one of LSM6DSO, "), (["MPU-6050", "--fifo", "8"], "leave --fifo out")):
+    for options, reason in (
+        (["MPU6050"], "want one of LSM6DSO, "), (["MPU-6050", "--fifo", "8"], "leave --fifo out"),
+        (["MPU-6050", "--bus", "spi"], "does not speak SPI"), (["MPU-6500", "--bus", "qspi"], "want i2c or spi"),
+    ):  # fmt: skip
         assert main(["device", "--part", *options]) == 2
         line = capsys.readouterr().err
         assert reason in line

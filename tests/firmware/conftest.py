@@ -19,6 +19,8 @@ UP = [8950 + 10 * i for i in range(4)]
 DOWN = [-8960 - 10 * i for i in range(4)]
 
 WIRED = "-DGYROCAL_INT1=27"
+BY_SPI = ["-DGYROCAL_SPI_SCK=18", "-DGYROCAL_SPI_MISO=19", "-DGYROCAL_SPI_MOSI=23", "-DGYROCAL_SPI_CS=5", "-DGYROCAL_SPI_CS2=4"]
+"""A sensor by SPI: the simulated board has these chip selects (board/spi.cpp)."""
 
 Play = Callable[..., str]
 PlayBoth = Callable[..., tuple[str, str]]

@@ -20,7 +20,8 @@ CHIP = {"esp32thing_plus": "esp32", "esp32-c3-devkitm-1": "esp32c3", "esp32-s3-d
 VARIANT = {"esp32": "esp32thing_plus", "esp32c3": "esp32c3", "esp32s3": "esp32s3"}
 THREADS = "-D_POSIX_THREADS -D_UNIX98_THREAD_MUTEX_ATTRIBUTES"
 """What a newer toolchain's headers define for the Bluetooth library."""
-EXTRAS = ("", "-DGYROCAL_SDA2=17 -DGYROCAL_SCL2=16 -DGYROCAL_INT1=27", f"-DGYROCAL_BLE {THREADS}")
+SPI = "-DGYROCAL_SPI_SCK=18 -DGYROCAL_SPI_MISO=19 -DGYROCAL_SPI_MOSI=23 -DGYROCAL_SPI_CS=5 -DGYROCAL_SPI_CS2=4"
+EXTRAS = ("", "-DGYROCAL_SDA2=17 -DGYROCAL_SCL2=16 -DGYROCAL_INT1=27", SPI, f"-DGYROCAL_BLE {THREADS}")
 
 
 class Environment:

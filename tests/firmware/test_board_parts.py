@@ -5,7 +5,7 @@ import pytest
 
 from gyrocal.device.wire import raw_table
 
-from .conftest import DOWN, UP, WIRED, Play, sentences, turn, values
+from .conftest import BY_SPI, DOWN, UP, WIRED, Play, sentences, turn, values
 
 RUNS = [*turn(0, UP), "1 > start up", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop"]
 
@@ -54,3 +54,28 @@ def test_a_sensor_that_answers_with_an_unknown_id_is_told(play: Play) -> None:
     assert [s.fields["sensor"] for s in sentences(text, "HEL")] == ["LSM6DSO", "LSM6DSR", "LSM6DSO"]
     assert sentences(text, "ACK")[-1].fields["sensor"] == "auto"
     assert not [s for s in sentences(text, "ERR") if s.t_us > 3_200_000]
+
+
+@pytest.mark.parametrize(("name", "rate_hz"), [("LSM6DSO", 104), ("MPU-9250", 200), ("ICM-42688-P", 200), ("BMI088", 400)])
+def test_a_sensor_by_spi(play: Play, name: str, rate_hz: float) -> None:
+    script = [f"0 chip 0 {name}", *RUNS, f"15.5 > set rate_hz {rate_hz}", "16 > stream raw", "17 > stream off", "17.5 > status"]
+    text = play(script, 18, None, *BY_SPI, WIRED)
+    assert not sentences(text, "ERR")
+    assert {s.imu: s.fields["sensor"] for s in sentences(text, "HEL")} == {0: name}
+    answer = next(s for s in sentences(text, "CAL") if s.fields["method"] == "baseline" and s.real("seconds") == 6.0)
+    assert answer.real("scale") == pytest.approx((UP[0] - DOWN[0]) * 0.00875 / 156 - 1, abs=5 * (answer.real("scale_se") or 0))
+    true_hz = 6667 / 64 if rate_hz == 104 else rate_hz
+    times_us = raw_table(sentences(text)).t_us
+    assert np.diff(times_us).mean() == pytest.approx(1e6 / true_hz, rel=2e-3)
+    assert [s.fields["missed"] for s in sentences(text, "RUN") if s.fields["state"] == "end"] == ["0", "0"]
+    assert set(values(text, "STA", "resets")) == {"0"}
+
+
+def test_a_sensor_by_spi_that_comes_later_or_has_none(play: Play) -> None:
+    text = play(["3 chip 0 ICM-42688-P", *turn(0, UP), "6 > status"], 7, None, *BY_SPI)
+    assert values(text, "ERR", "name")[0] == "bus_nack"
+    assert sentences(text, "HEL")[-1].fields["sensor"] == "ICM-42688-P"
+    assert values(text, "STA", "waits") == ["start"]
+    text = play(["0 chip 0 MPU-6500", *turn(0, UP), "1 > set sensor MPU-6050", "2 > get sensor"], 3, None, *BY_SPI)
+    assert values(text, "ERR", "name") == ["no_spi"]
+    assert sentences(text, "ACK")[-1].fields["sensor"] == "auto"

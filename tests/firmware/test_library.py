@@ -17,6 +17,7 @@ from gyrocal_firmware import CORE, LIBRARY, SIM
 
 from .conftest import HERE, SANITIZE, compile_core, compile_cpp, sentences, turn
 
+Sketch = Callable[..., str]
 UP, DOWN = [8950], [-8960]
 EXAMPLES = ["Calibrate", "CorrectedStream", "ReadingsOnly"]
 
@@ -49,12 +50,12 @@ def objects(
 @pytest.fixture
 def sketch(
     library: Path, objects: Path, require_tool: Callable[[str], str], tmp_path: Path
-) -> Callable[[str, list[str], float], str]:
-    """`sketch(example, script, seconds)`: what an example writes to its serial port on the simulated board."""
+) -> Sketch:
+    """`sketch(example, script, seconds, *flags)`: what an example writes to its serial port on the simulated board."""
 
-    def run(example: str, script: list[str], seconds: float) -> str:
+    def run(example: str, script: list[str], seconds: float, *more: str) -> str:
         source = library / "examples" / example / f"{example}.ino"
-        flags = [*SANITIZE, "-Wall", "-Wextra", "-Werror", f"-I{library / 'src'}", f"-I{HERE / 'arduino'}", "-pthread"]
+        flags = [*SANITIZE, *more, "-Wall", "-Wextra", "-Werror", f"-I{library / 'src'}", f"-I{HERE / 'arduino'}", "-pthread"]
         program = tmp_path / example
         linked = sorted(map(str, objects.glob("*.o")))
         command = [require_tool("g++"), "-std=gnu++11", *flags, "-x", "c++", str(source), "-x", "none", *linked, "-lm"]
@@ -69,10 +70,10 @@ def sketch(
     return run
 
 
-@pytest.mark.parametrize("part", ["LSM6DSO", "MPU-6050"])
-def test_calibrate(sketch: Callable[[str, list[str], float], str], part: str) -> None:
+@pytest.mark.parametrize(("part", "flags"), [("LSM6DSO", []), ("MPU-6050", []), ("MPU-6500", ["-DGYROCAL_CS=5"])])
+def test_calibrate(sketch: Sketch, part: str, flags: list[str]) -> None:
     runs = [*turn(0, UP), "1 > start up", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop"]
-    text = sketch("Calibrate", [f"0 chip 0 {part}", *runs], 16)
+    text = sketch("Calibrate", [f"0 chip 0 {part}", *runs], 16, *flags)
     assert not sentences(text, "ERR")
     assert sentences(text, "HEL")[0].fields["sensor"] == part
     answer = next(s for s in sentences(text, "CAL") if s.fields["method"] == "baseline" and s.real("seconds") == 6.0)
@@ -80,7 +81,7 @@ def test_calibrate(sketch: Callable[[str, list[str], float], str], part: str) ->
 
 
 @pytest.mark.parametrize("on_s", [3, 10])
-def test_calibrate_with_nobody_at_the_usb_connector(sketch: Callable[[str, list[str], float], str], on_s: int) -> None:
+def test_calibrate_with_nobody_at_the_usb_connector(sketch: Sketch, on_s: int) -> None:
     """From power-on into the first run of a pair, or the second one."""
     runs = [*turn(0, UP), "1 > start up", "1 > stream raw", "7.5 > stop", *turn(8, DOWN), "8.5 > start down", "15 > stop"]
     text = sketch("Calibrate", ["0 chip 0", "0 listen off", *runs, f"{on_s} listen on", f"{on_s} > status"], 17)
@@ -97,7 +98,7 @@ def test_calibrate_with_nobody_at_the_usb_connector(sketch: Callable[[str, list[
     assert baseline[-1].real("seconds") == 6.0
 
 
-def test_corrected_stream(sketch: Callable[[str, list[str], float], str]) -> None:
+def test_corrected_stream(sketch: Sketch) -> None:
     source = (LIBRARY / "examples/CorrectedStream/CorrectedStream.ino").read_text()
     scale, bias_dps = (float(re.search(rf"{name}\[3\] = .* ([-.\d]+)\}}", source)[1]) for name in ("SCALE", "BIAS_DPS"))  # type: ignore[index]
     text = sketch("CorrectedStream", ["0 chip 0", *turn(0, UP)], 3)
@@ -106,7 +107,7 @@ def test_corrected_stream(sketch: Callable[[str, list[str], float], str]) -> Non
     assert rates[:, 2].mean() == pytest.approx((8950 * 0.00875 - bias_dps) / (1 + scale), abs=0.02)
 
 
-def test_readings_only(sketch: Callable[[str, list[str], float], str]) -> None:
+def test_readings_only(sketch: Sketch) -> None:
     text = sketch("ReadingsOnly", ["0 chip 0 ICM-42688-P", *turn(0, UP)], 2)
     assert "ICM-42688-P\n" in text.replace("\r", "")
     rows = np.array([line.split() for line in text.splitlines() if line.count(" ") == 3 and "#" not in line], float)
@@ -183,7 +184,7 @@ CPP = r"""
 #include "gyrocal.hpp"
 
 extern "C" {
-#include "emul.h"
+#include "emul_spi.h"
 }
 
 #include <cstdio>
@@ -214,6 +215,18 @@ struct Whole : Bare {
     void restart() { std::printf("# restarts\n"); }
 };
 
+struct BySpi {
+    uint64_t now = 0;
+    bool spi(unsigned die, const gc_spi_t &how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+        now += 20;
+        emul_spi(&emul, now, die, how.mode, how.most_hz, out, n_out, in, n_in);
+        return true;
+    }
+    uint64_t now_us() { return now; }
+    void wait_until_us(uint64_t t_us) { now = t_us > now ? t_us : now; }
+    bool send(std::string_view text) { return std::fwrite(text.data(), 1, text.size(), stdout) == text.size(); }
+};
+
 template <typename Board> void play(Board &board) {
     static gyrocal::Device<Board> device(board);
     emul_power_on(&emul, 1.0, 0, 250.0);
@@ -229,11 +242,14 @@ template <typename Board> void play(Board &board) {
 int main() {
     static Bare bare;
     static Whole whole;
+    static BySpi by_spi;
     emul.kind = emul_kind("MPU-6050");
     play(bare);
     emul.kind = emul_kind("LSM6DSV");
     play(whole);
-    return 0;
+    emul.kind = emul_kind("ICM-20948");
+    play(by_spi);
+    return static_cast<int>(emul.spi_faults);
 }
 """
 
@@ -254,9 +270,9 @@ def test_the_device_as_a_class(
     subprocess.run([require_tool("g++"), *SANITIZE, built, *linked, "-lm", "-o", str(tmp_path / "main")], check=True)
     said = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
     hello = [s.fields["sensor"] for s in sentences(said, "HEL")]
-    assert hello == ["MPU-6050", "LSM6DSV"]
-    assert len(sentences(said, "RAW")) > 30
-    assert [s.fields["name"] for s in sentences(said, "ERR")] == ["unknown_command"]
+    assert hello == ["MPU-6050", "LSM6DSV", "ICM-20948"]
+    assert len(sentences(said, "RAW")) > 45
+    assert [s.fields["name"] for s in sentences(said, "ERR")] == ["unknown_command"] * 2
     assert said.count("# restarts\n") == 1
     assert "# led 0\n" in said
 

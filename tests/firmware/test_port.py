@@ -12,6 +12,8 @@ import pytest
 
 from gyrocal_firmware import CORE, INCLUDE, ROOT, SRC
 
+from .conftest import BY_SPI
+
 HERE = Path(__file__).parent
 WARNINGS = ["-Wall", "-Wextra", "-Werror"]
 BOARDS = dict(
@@ -31,7 +33,7 @@ def check(compiler: str, flags: str, source: Path) -> str:
     "flags",
     [
         *BOARDS.values(), f"{BOARDS['thing_plus_usb_c']} {OPTIONS}", f"{BOARDS['esp32_c3']} -DESP_IDF_VERSION_MAJOR=5",
-        f"{BOARDS['esp32_s3']} -DGYROCAL_BLE",
+        f"{BOARDS['esp32_s3']} -DGYROCAL_BLE", f"{BOARDS['thing_plus_usb_c']} {' '.join(BY_SPI)}",
     ],
 )
 def test_port_type_checks(flags: str, require_tool: Callable[[str], str]) -> None:
@@ -45,6 +47,7 @@ def test_port_type_checks(flags: str, require_tool: Callable[[str], str]) -> Non
 def test_a_board_without_pins_is_refused_with_a_reason(require_tool: Callable[[str], str]) -> None:
     require_tool("g++")
     assert "say where the sensor is" in check(require_tool("gcc"), "", SRC / "main.cpp")
+    assert "-DGYROCAL_SPI_SCK=" in check(require_tool("gcc"), "-DGYROCAL_SPI_CS=5", SRC / "main.cpp")
 
 
 def test_a_callback_that_the_core_no_longer_has_is_seen(require_tool: Callable[[str], str], tmp_path: Path) -> None:

@@ -60,6 +60,10 @@ static void wait_until_us(void *context, uint64_t t_us) {
 static int send(void *context, const char *data, size_t n) {
     gc_message_t m;
     (void)context;
+    if (data[0] == '\0') {
+        fuzz_must(n <= GC_PACK_FRAME_MAX && memchr(data + 1, 0, n - 1u) == data + n - 1u, "a malformed frame");
+        return (int)n;
+    }
     fuzz_must(data[0] == '>' || gc_wire_parse(data, n, &m) == GC_OK, "a malformed sentence");
     return (int)n;
 }
@@ -81,8 +85,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
     transfers = 0;
     memset(written, 0, sizeof written);
     gc_device_init(&device, &config);
-    command(fuzz_byte(&in) % 2u ? "set fifo 12\n" : "set fifo 0\n", 20);
-    command("auto off\nstream raw\nstart up\n", 60);
+    const uint8_t how = fuzz_byte(&in);
+    command(how % 2u ? "set fifo 12\n" : "set fifo 0\n", 20);
+    command(how / 2u % 2u ? "auto off\nstream packed\nstart up\n" : "auto off\nstream raw\nstart up\n", 60);
     command("stop\nstart down\n", 60);
     command("stop\nauto on\n", 60);
     return 0;

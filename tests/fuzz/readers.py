@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from frames import stream
 from gyrocal.calibration.apply import apply
 from gyrocal.device import wire
 from gyrocal.device.port import Link
@@ -231,7 +232,7 @@ def _seeds() -> dict[str, tuple[Read, list[bytes]]]:
         "model": (_model, models),
         "formula": (_formula, formulas),
         "plan": (_plan, [PLAN.encode()]),
-        "wire": (_wire, [_sentences()]),
+        "wire": (_wire, [_sentences(), stream()[0]]),
         "recorder": (_recorder, [_sentences()]),
         "estimates": (_estimates, [told]),
         "listing": (_listing, [b'["a", "b/c"]']),

@@ -53,9 +53,12 @@
     static int part##_low_pass(const void *chip) {                                                                       \
         return emul_##part##_low_pass(chip);                                                                             \
     }                                                                                                                    \
+    static bool part##_i2c_off(const void *chip) {                                                                       \
+        return emul_##part##_i2c_off(chip);                                                                              \
+    }                                                                                                                    \
     static const emul_family_t part = {part##_power_on, part##_brown_out, part##_set_faults, part##_set_fed_only,        \
                                        part##_set_world, part##_feed, part##_batches, part##_int1, part##_tick_us,       \
-                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass}
+                                       part##_advance, part##_write, part##_read, emul_##part##_clock_for, part##_low_pass, part##_i2c_off}
 
 #define SET_REST_OF_lsm6dso(c, faults) (c)->bad_tags = (faults)->bad_tags
 #define SET_REST_OF_lsm6dsv SET_REST_OF_lsm6dso
@@ -80,15 +83,27 @@ FAMILY(bmi270);
 FAMILY(bmi088);
 FAMILY(lsm6dsv);
 
+static const emul_spi_t of_st = {10000000, 1, {0, 0}, {false, false}}, of_mpu = {1000000, 1, {0, 0}, {false, false}},
+                        of_42688 = {24000000, 1, {0, 0}, {false, false}}, of_20948 = {7000000, 1, {0, 0}, {false, false}},
+                        of_270 = {10000000, 1, {1, 0}, {true, false}}, of_088 = {10000000, 2, {0, 1}, {false, true}};
+
 const emul_kind_t emul_kinds[] = {
-    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false, 0},     {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false, 0},
-    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true, 0},    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false, 0},
-    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false, 0}, {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false, 0},
-    {"MPU-6050", &mpu6050, 0x68, 0x68, false, 0},    {"MPU-6500", &mpu6050, 0x68, 0x70, false, 0},
-    {"MPU-9250", &mpu6050, 0x68, 0x71, false, 0},    {"MPU-9255", &mpu6050, 0x68, 0x73, false, 0},
-    {"ICM-42688-P", &icm42688, 0x68, 0x47, false, 0}, {"ICM-20948", &icm20948, 0x68, 0xEA, false, 0},
-    {"BMI270", &bmi270, 0x68, 0x24, false, 0},       {"BMI088", &bmi088, 0x68, 0x0F, false, 0x18},
-    {"LSM6DSV", &lsm6dsv, 0x6B, 0x70, false, 0},     {NULL, NULL, 0, 0, false, 0},
+    {"LSM6DSO", &lsm6dso, 0x6B, 0x6C, false, 0, &of_st},
+    {"LSM6DSOX", &lsm6dso, 0x6B, 0x6C, false, 0, &of_st},
+    {"LSM6DSO32", &lsm6dso, 0x6B, 0x6C, true, 0, &of_st},
+    {"LSM6DSR", &lsm6dso, 0x6B, 0x6B, false, 0, &of_st},
+    {"LSM6DS3TR-C", &lsm6dso, 0x6B, 0x6A, false, 0, &of_st},
+    {"LSM6DS3", &lsm6dso, 0x6B, 0x69, false, 0, &of_st},
+    {"MPU-6050", &mpu6050, 0x68, 0x68, false, 0, NULL},
+    {"MPU-6500", &mpu6050, 0x68, 0x70, false, 0, &of_mpu},
+    {"MPU-9250", &mpu6050, 0x68, 0x71, false, 0, &of_mpu},
+    {"MPU-9255", &mpu6050, 0x68, 0x73, false, 0, &of_mpu},
+    {"ICM-42688-P", &icm42688, 0x68, 0x47, false, 0, &of_42688},
+    {"ICM-20948", &icm20948, 0x68, 0xEA, false, 0, &of_20948},
+    {"BMI270", &bmi270, 0x68, 0x24, false, 0, &of_270},
+    {"BMI088", &bmi088, 0x68, 0x0F, false, 0x18, &of_088},
+    {"LSM6DSV", &lsm6dsv, 0x6B, 0x70, false, 0, &of_st},
+    {NULL, NULL, 0, 0, false, 0, NULL},
 };
 
 const emul_kind_t *emul_kind(const char *name) {
@@ -101,10 +116,12 @@ const emul_kind_t *emul_kind(const char *name) {
 
 void emul_power_on(emul_t *emul, double clock, uint64_t now_us, double world_full_scale_dps) {
     const emul_kind_t *kind = emul->kind;
+    emul->speaks_spi[0] = emul->speaks_spi[1] = false;
     kind->family->power_on(&emul->chip, kind->id, kind->is_32, clock, now_us, world_full_scale_dps);
 }
 
 void emul_brown_out(emul_t *emul) {
+    emul->speaks_spi[0] = emul->speaks_spi[1] = false;
     emul->kind->family->brown_out(&emul->chip);
 }
 
@@ -152,14 +169,26 @@ bool emul_is_at(const emul_t *emul, uint8_t address) {
     return die_at(emul, address) >= 0;
 }
 
+bool emul_i2c_off(const emul_t *emul) {
+    return emul->kind->family->i2c_off(&emul->chip);
+}
+
+int emul_write_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, const uint8_t *data, size_t n) {
+    return emul->kind->family->write(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
+int emul_read_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, uint8_t *data, size_t n) {
+    return emul->kind->family->read(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+}
+
 int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     const int die = die_at(emul, address);
-    return die < 0 ? -1 : emul->kind->family->write(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+    return die < 0 || emul_i2c_off(emul) ? -1 : emul_write_die(emul, now_us, (unsigned)die, reg, data, n);
 }
 
 int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     const int die = die_at(emul, address);
-    return die < 0 ? -1 : emul->kind->family->read(&emul->chip, now_us, (uint8_t)(reg | die << 7), data, n);
+    return die < 0 || emul_i2c_off(emul) ? -1 : emul_read_die(emul, now_us, (unsigned)die, reg, data, n);
 }
 
 const uint8_t *emul_part_file(const char *part, size_t *n) {

@@ -33,7 +33,16 @@ typedef struct {
     int (*read)(void *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
     double (*clock_for)(double rate_hz);
     int (*low_pass)(const void *chip);
+    bool (*i2c_off)(const void *chip);
 } emul_family_t;
+
+/* How a kind speaks SPI, by its datasheet; all that do take modes 0 and 3. Of each die: bytes before what is read, and whether it
+   answers nothing before it was asked for SPI. */
+typedef struct {
+    uint32_t most_hz;
+    unsigned dies, dummies[2];
+    bool asked_for[2];
+} emul_spi_t;
 
 typedef struct {
     const char *name; /* as the driver calls it */
@@ -41,11 +50,14 @@ typedef struct {
     uint8_t address, id;
     bool is_32;
     uint8_t other_address; /* of a second die; 0 = there is none */
+    const emul_spi_t *spi; /* NULL = it has none */
 } emul_kind_t;
 
 typedef struct {
     const emul_kind_t *kind;
     uint8_t address; /* 0 = that of its kind */
+    bool speaks_spi[2];  /* the chip selects of its dies have risen since power-on, and since a reset where that takes it back */
+    unsigned spi_faults; /* transfers by SPI that its maker does not allow */
     union {
         emul_lsm6dso_t lsm6dso;
         emul_mpu6050_t mpu6050;
@@ -81,6 +93,11 @@ bool emul_is_at(const emul_t *emul, uint8_t address);
 /* Return -1 if no die of it answers at the address. */
 int emul_write(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
 int emul_read(emul_t *emul, uint64_t now_us, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+/* Whether its registers say that it takes no bus for I2C. On I2C it then answers nothing. */
+bool emul_i2c_off(const emul_t *emul);
+/* Pass on what a bus has taken apart: emul_write and emul_read by die, whatever the bus. */
+int emul_write_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, const uint8_t *data, size_t n);
+int emul_read_die(emul_t *emul, uint64_t now_us, unsigned die, uint8_t reg, uint8_t *data, size_t n);
 /* The file that an emulated part wants at its start, for gc_port_t; NULL if it wants none. */
 const uint8_t *emul_part_file(const char *part, size_t *n);
 /* Returns the gyroscope's low-pass that its registers choose, as the maker numbers it; -1 = one that the part does not have. */

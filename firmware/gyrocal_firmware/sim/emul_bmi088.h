@@ -42,6 +42,7 @@ bool emul_bmi088_batches(const emul_bmi088_t *chip);
 bool emul_bmi088_int1(const emul_bmi088_t *chip);
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_bmi088_low_pass(const emul_bmi088_t *chip);
+bool emul_bmi088_i2c_off(const emul_bmi088_t *chip);
 void emul_bmi088_advance(emul_bmi088_t *chip, uint64_t now_us);
 int emul_bmi088_write(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_bmi088_read(emul_bmi088_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -333,6 +333,11 @@ static uint8_t read_one(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, const
     return value;
 }
 
+bool emul_bmi270_i2c_off(const emul_bmi270_t *chip) {
+    (void)chip; /* its pins choose the bus */
+    return false;
+}
+
 static bool silent(const emul_bmi270_t *chip, uint64_t now_us) {
     return chip->nack || now_us < chip->boot_us || now_us < chip->reset_us;
 }

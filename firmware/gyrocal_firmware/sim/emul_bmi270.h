@@ -49,6 +49,7 @@ bool emul_bmi270_batches(const emul_bmi270_t *chip);
 bool emul_bmi270_int1(const emul_bmi270_t *chip);
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_bmi270_low_pass(const emul_bmi270_t *chip);
+bool emul_bmi270_i2c_off(const emul_bmi270_t *chip);
 void emul_bmi270_advance(emul_bmi270_t *chip, uint64_t now_us);
 int emul_bmi270_write(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_bmi270_read(emul_bmi270_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -4,6 +4,7 @@
 
 enum {
     WHO_AM_I = 0x00, /* bank 0 */
+    USER_CTRL = 0x03,
     PWR_MGMT_1 = 0x06,
     PWR_MGMT_2 = 0x07,
     INT_PIN_CFG = 0x0F,
@@ -138,7 +139,7 @@ bool emul_icm20948_int1(const emul_icm20948_t *chip) {
 static uint8_t kept_bits(uint8_t bank, uint8_t reg) {
     static const struct {
         uint8_t bank, reg, bits;
-    } known[] = {{0, 0x03, 0xFE}, {0, 0x05, 0x70}, {0, PWR_MGMT_1, 0xEF},      {0, PWR_MGMT_2, 0x3F},    {0, INT_PIN_CFG, 0xFE},
+    } known[] = {{0, USER_CTRL, 0xFE}, {0, 0x05, 0x70}, {0, PWR_MGMT_1, 0xEF},      {0, PWR_MGMT_2, 0x3F},    {0, INT_PIN_CFG, 0xFE},
                  {0, 0x10, 0x8F}, {0, INT_ENABLE_1, 0x01}, {2, GYRO_SMPLRT_DIV, 0xFF}, {2, GYRO_CONFIG_1, 0x3F}, {2, GYRO_CONFIG_2, 0x3F},
                  {2, 0x10, 0x0F}, {2, 0x11, 0xFF},         {2, ACCEL_CONFIG, 0x3F},    {2, 0x15, 0x1F}};
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
@@ -202,6 +203,10 @@ static uint8_t read_one(emul_icm20948_t *chip, uint8_t reg, const int16_t shown[
         chip->reg[0][reg] = 0;
     }
     return value;
+}
+
+bool emul_icm20948_i2c_off(const emul_icm20948_t *chip) {
+    return (chip->reg[0][USER_CTRL] & 0x10u) != 0;
 }
 
 static bool silent(const emul_icm20948_t *chip, uint64_t now_us) {

@@ -36,6 +36,8 @@ bool emul_icm20948_batches(const emul_icm20948_t *chip);
 bool emul_icm20948_int1(const emul_icm20948_t *chip);
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_icm20948_low_pass(const emul_icm20948_t *chip);
+/* Whether its registers say that it takes no bus for I2C. */
+bool emul_icm20948_i2c_off(const emul_icm20948_t *chip);
 void emul_icm20948_advance(emul_icm20948_t *chip, uint64_t now_us);
 int emul_icm20948_write(emul_icm20948_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_icm20948_read(emul_icm20948_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -8,6 +8,7 @@ enum {
     OUT_FIRST = 0x1D,
     OUT_LAST = 0x2A,
     INT_STATUS = 0x2D,
+    INTF_CONFIG0 = 0x4C,
     PWR_MGMT0 = 0x4E,
     GYRO_CONFIG0 = 0x4F,
     ACCEL_CONFIG0 = 0x50,
@@ -40,7 +41,7 @@ static void defaults(emul_icm42688_t *chip) {
     memset(chip->inside, 0, sizeof chip->inside);
     chip->bank = 0;
     chip->reg[WHO_AM_I] = 0x47;
-    chip->reg[0x4C] = 0x30; /* INTF_CONFIG0: the high byte comes first */
+    chip->reg[INTF_CONFIG0] = 0x30; /* the high byte comes first */
     chip->reg[GYRO_CONFIG0] = 0x06;
     chip->reg[ACCEL_CONFIG0] = 0x06;
     chip->reg[GYRO_CONFIG1] = 0x16;
@@ -208,6 +209,10 @@ static uint8_t read_one(emul_icm42688_t *chip, uint8_t reg, const int16_t shown[
         chip->reg[reg] = 0;
     }
     return value;
+}
+
+bool emul_icm42688_i2c_off(const emul_icm42688_t *chip) {
+    return (chip->reg[INTF_CONFIG0] & 3u) == 3u;
 }
 
 static bool silent(const emul_icm42688_t *chip, uint64_t now_us) {

@@ -346,6 +346,10 @@ static uint8_t read_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg) {
     return (uint8_t)(word >> 8);
 }
 
+bool emul_lsm6dso_i2c_off(const emul_lsm6dso_t *chip) {
+    return (chip->reg[CTRL4_C] & 0x04u) != 0;
+}
+
 static bool silent(const emul_lsm6dso_t *chip, uint64_t now_us) {
     return chip->nack || chip->i3c || chip->spoilt || now_us < chip->boot_us;
 }

@@ -56,6 +56,8 @@ bool emul_lsm6dso_int1(const emul_lsm6dso_t *chip);
 /* Takes the samples that are due by the chip's clock until now. */
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_lsm6dso_low_pass(const emul_lsm6dso_t *chip);
+/* Whether its registers say that it takes no bus for I2C. */
+bool emul_lsm6dso_i2c_off(const emul_lsm6dso_t *chip);
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us);
 /* Returns the number of bytes transferred, or -1 if the chip does not acknowledge. */
 int emul_lsm6dso_write(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);

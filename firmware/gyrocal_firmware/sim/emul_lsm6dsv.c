@@ -230,7 +230,6 @@ static void write_one(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, uint8_
         return;
     }
     chip->reg[reg] = reg == CTRL1 || reg == CTRL2 || reg == CTRL6 ? value & 0x7Fu : reg == CTRL3 ? value & 0xC4u : value;
-    chip->off_bus = chip->off_bus || (reg == IF_CFG && (value & 1u) != 0);
     if (reg == FIFO_CTRL4 && (value & 7u) == 0) {
         chip->fifo_n = 0;
     }
@@ -272,8 +271,12 @@ static uint8_t read_one(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, cons
     return chip->reg[reg];
 }
 
+bool emul_lsm6dsv_i2c_off(const emul_lsm6dsv_t *chip) {
+    return (chip->reg[IF_CFG] & 1u) != 0;
+}
+
 static bool silent(const emul_lsm6dsv_t *chip, uint64_t now_us) {
-    return chip->nack || chip->off_bus || now_us < chip->boot_us;
+    return chip->nack || now_us < chip->boot_us;
 }
 
 static uint8_t following(const emul_lsm6dsv_t *chip, uint8_t reg) {

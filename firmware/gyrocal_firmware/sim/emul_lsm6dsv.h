@@ -26,7 +26,6 @@ typedef struct {
     uint64_t gyro_us;    /* the gyroscope reads 0 before */
     double tick_us;      /* next sample by its own clock */
     double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
-    bool off_bus;
     bool fed_only;
     bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags; /* misbehaviour */
     uint8_t stuck_axes;
@@ -41,6 +40,8 @@ bool emul_lsm6dsv_batches(const emul_lsm6dsv_t *chip);
 bool emul_lsm6dsv_int1(const emul_lsm6dsv_t *chip);
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_lsm6dsv_low_pass(const emul_lsm6dsv_t *chip);
+/* Whether its registers say that it takes no bus for I2C. */
+bool emul_lsm6dsv_i2c_off(const emul_lsm6dsv_t *chip);
 void emul_lsm6dsv_advance(emul_lsm6dsv_t *chip, uint64_t now_us);
 int emul_lsm6dsv_write(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_lsm6dsv_read(emul_lsm6dsv_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

@@ -227,9 +227,12 @@ static uint8_t read_one(emul_mpu6050_t *chip, uint8_t reg, const int16_t shown[E
     return value;
 }
 
-/* USER_CTRL's I2C_IF_DIS takes the part off this bus. */
+bool emul_mpu6050_i2c_off(const emul_mpu6050_t *chip) {
+    return (chip->reg[USER_CTRL] & 0x10u) != 0;
+}
+
 static bool silent(const emul_mpu6050_t *chip, uint64_t now_us) {
-    return chip->nack || now_us < chip->boot_us || (chip->reg[USER_CTRL] & 0x10u) != 0;
+    return chip->nack || now_us < chip->boot_us;
 }
 
 int emul_mpu6050_write(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n) {

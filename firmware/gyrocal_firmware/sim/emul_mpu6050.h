@@ -37,6 +37,8 @@ bool emul_mpu6050_batches(const emul_mpu6050_t *chip);
 bool emul_mpu6050_int1(const emul_mpu6050_t *chip);
 /* Returns the low-pass of the gyroscope that is in use, as emul.h says. */
 int emul_mpu6050_low_pass(const emul_mpu6050_t *chip);
+/* Whether its registers say that it takes no bus for I2C. */
+bool emul_mpu6050_i2c_off(const emul_mpu6050_t *chip);
 void emul_mpu6050_advance(emul_mpu6050_t *chip, uint64_t now_us);
 int emul_mpu6050_write(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_mpu6050_read(emul_mpu6050_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);

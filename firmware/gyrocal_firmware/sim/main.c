@@ -3,7 +3,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "calibration.h"
-#include "emul.h"
+#include "emul_spi.h"
 #include "flash.h"
 #include "gc_device.h"
 #include "gc_error.h"
@@ -24,7 +24,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BUS_BIT_NS 2500u /* 400 kHz */
+#define BUS_BIT_NS 2500u /* I2C at 400 kHz */
+#define SPI_SELECT_NS 2000u
 #define FLASH_US 5000u   /* duration of a write */
 #define WATCHDOG_US 10000000u
 #define USB_BYTES 4096u  /* that a port holds for a reader who does not come */
@@ -242,8 +243,8 @@ static uint64_t now_us(void *context) {
 }
 
 /* A transfer takes time on the bus, but it never reaches the time of the next row. */
-static void spend_bus_time(sim_t *sim, size_t bytes) {
-    uint64_t t_us = sim->now_us + (BUS_BIT_NS * (9u * bytes + 3u) + 999u) / 1000u;
+static void spend_bus_time(sim_t *sim, uint64_t ns) {
+    uint64_t t_us = sim->now_us + (ns + 999u) / 1000u;
     if (in_run(sim) && next_row_us(sim) < t_us && next_row_us(sim) >= sim->now_us) {
         t_us = next_row_us(sim);
     }
@@ -252,13 +253,8 @@ static void spend_bus_time(sim_t *sim, size_t bytes) {
 
 static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     sim_t *sim = context;
-    int taken = -1;
-    if (is_on(sim, FAULT_STUCK_BUS)) {
-        taken = (int)n;
-    } else {
-        taken = emul_write(&sim->part, sim->now_us, address, reg, data, n);
-    }
-    spend_bus_time(sim, n + 2u);
+    const int taken = is_on(sim, FAULT_STUCK_BUS) ? (int)n : emul_write(&sim->part, sim->now_us, address, reg, data, n);
+    spend_bus_time(sim, BUS_BIT_NS * (9u * (n + 2u) + 3u));
     return taken;
 }
 
@@ -271,8 +267,19 @@ static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, 
     } else if (given > 0 && is_on(sim, FAULT_SHORT_READ)) {
         given--;
     }
-    spend_bus_time(sim, n + 3u);
+    spend_bus_time(sim, BUS_BIT_NS * (9u * (n + 3u) + 3u));
     return given;
+}
+
+static int spi(void *context, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+    sim_t *sim = context;
+    if (n_in > 0 && is_on(sim, FAULT_STUCK_BUS)) {
+        memset(in, 0, n_in);
+    } else if (!is_on(sim, FAULT_STUCK_BUS)) {
+        emul_spi(&sim->part, sim->now_us, die, how->mode, how->most_hz, out, n_out, in, n_in);
+    }
+    spend_bus_time(sim, (uint64_t)(8e9 * (double)(n_out + n_in) / how->most_hz) + SPI_SELECT_NS);
+    return 0;
 }
 
 /* ---- stdin and stdout ---- */
@@ -418,8 +425,10 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
         command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
     }
     command(sim, "hello"); /* the sentence at boot came before these settings */
-    if (sim->options.stream) {
-        command(sim, "stream raw");
+    char text[GC_COMMAND_MAX];
+    snprintf(text, sizeof text, "stream %s", sim->options.stream);
+    if (strcmp(sim->options.stream, "off") != 0) {
+        command(sim, text);
     }
 }
 
@@ -564,11 +573,8 @@ int main(int argc, char **argv) {
 
     const gc_port_t port = {
         .context = &sim,
-        .bus_write = bus_write,
-        .bus_read = bus_read,
-        .now_us = now_us,
-        .wait_until_us = wait_until_us,
-        .wait_sample_us = wait_sample_us,
+        .bus_write = bus_write, .bus_read = bus_read, .spi = options->spi ? spi : NULL,
+        .now_us = now_us, .wait_until_us = wait_until_us, .wait_sample_us = wait_sample_us,
         .send = send,
         /* Otherwise each power cycle begins with empty flash. */
         .store = options->bench || has_flash(&options->faults) ? store : NULL,

@@ -37,10 +37,10 @@ static const char *parse_option(options_t *options, const char *name, const char
         }
         options->imu = (unsigned)number;
     } else if (strcmp(name, "--stream") == 0) {
-        options->stream = strcmp(value, "raw") == 0;
-        if (!options->stream && strcmp(value, "off") != 0) {
-            return "--stream takes raw or off";
+        if (strcmp(value, "raw") != 0 && strcmp(value, "packed") != 0 && strcmp(value, "off") != 0) {
+            return "--stream takes raw, packed or off";
         }
+        options->stream = value;
     } else if (strcmp(name, "--fifo") == 0) {
         if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_BATCH_MAX) {
             return "--fifo takes a number of samples, 128 at most";
@@ -68,6 +68,11 @@ static const char *parse_option(options_t *options, const char *name, const char
     } else if (strcmp(name, "--sensor") == 0) {
         options->list_sensors = strcmp(value, "list") == 0;
         return options->list_sensors ? NULL : choose_sensor(options, value);
+    } else if (strcmp(name, "--bus") == 0) {
+        options->spi = strcmp(value, "spi") == 0;
+        if (!options->spi && strcmp(value, "i2c") != 0) {
+            return "--bus takes i2c or spi";
+        }
     } else if (strcmp(name, "--fault") == 0) {
         options->list_faults = options->list_faults || strcmp(value, "list") == 0;
         return strcmp(value, "list") == 0 ? NULL : faults_add(&options->faults, value);
@@ -79,6 +84,7 @@ static const char *parse_option(options_t *options, const char *name, const char
 
 const char *options_parse(options_t *options, int argc, char **argv) {
     options->speed = 1.0;
+    options->stream = "off";
     (void)choose_sensor(options, emul_kinds[0].name);
     for (int i = 1; i < argc; i++) {
         const char *wrong = NULL;
@@ -103,6 +109,12 @@ const char *options_parse(options_t *options, int argc, char **argv) {
     }
     if (options->fifo > options->driver->batch_max) {
         return "the FIFO of this sensor is not used: leave --fifo out";
+    }
+    if (options->spi && options->driver->spi[0] == NULL) {
+        return "this sensor does not speak SPI: leave --bus out";
+    }
+    if (options->spi && faults_has(&options->faults, FAULT_SHORT_READ)) {
+        return "short_read is a fault of I2C: leave --bus out";
     }
     if (faults_has(&options->faults, FAULT_BAD_TAGS) && options->fifo == 0u) {
         return "bad_tags is a fault of the FIFO: give --fifo";

@@ -9,8 +9,8 @@
 #include <stdbool.h>
 
 #define OPTIONS_USAGE                                                                                                    \
-    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] [--bench] [--idle S] "               \
-    "[--sleep MS] [--clock US] [--seq N] [--sensor NAME|list] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
+    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|packed|off] [--fifo N] [--hold] [--bench] [--idle S] "               \
+    "[--sleep MS] [--clock US] [--seq N] [--sensor NAME|list] [--bus i2c|spi] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
     const char *path; /* path of the ROWS file */
@@ -23,7 +23,8 @@ typedef struct {
     uint64_t sleep_us; /* the core does not run for so long after each reading, as in light sleep; 0 = the board does not sleep */
     uint64_t clock_us; /* of the board's clock at each power-on */
     uint32_t seq;      /* of the sentence after the first $HEL of each power cycle; 0 = 1, as on a board */
-    bool stream, hold;
+    bool hold, spi;
+    const char *stream; /* off if not given */
     bool bench; /* nothing is replayed: at rest, with the noise of a sensor and flash, it answers commands */
     bool list_faults, list_sensors; /* do nothing else */
     faults_t faults;

@@ -4,12 +4,19 @@
 
 #include <sdkconfig.h>
 
-#if !defined(GYROCAL_SDA) || !defined(GYROCAL_SCL)
+#if !defined(GYROCAL_SPI_CS) && (!defined(GYROCAL_SDA) || !defined(GYROCAL_SCL))
 #error "say where the sensor is: build_flags = -DGYROCAL_SDA=21 -DGYROCAL_SCL=22"
+#endif
+#if defined(GYROCAL_SPI_CS) && (!defined(GYROCAL_SPI_SCK) || !defined(GYROCAL_SPI_MISO) || !defined(GYROCAL_SPI_MOSI))
+#error "say where the sensor is: build_flags = -DGYROCAL_SPI_SCK=18 -DGYROCAL_SPI_MISO=19 -DGYROCAL_SPI_MOSI=23 -DGYROCAL_SPI_CS=5"
 #endif
 
 /* Options:
  *   GYROCAL_SDA2, GYROCAL_SCL2   a second bus, for sensors three and four (not on the ESP32-C3, which has one)
+ *   GYROCAL_SPI_CS               a sensor by SPI, number 0, and none by I2C: its chip select, with
+ *   GYROCAL_SPI_SCK, GYROCAL_SPI_MISO, GYROCAL_SPI_MOSI
+ *   GYROCAL_SPI_CS2              chip select of a second die, where the sensor has one (docs/first-hour.md)
+ *   GYROCAL_SPI_HZ               the fastest clock of SPI; slower where the wires are long
  *   GYROCAL_INT1                 pin that a sensor's INT1 is wired to, and
  *   GYROCAL_INT1_SENSOR          that sensor's number (0 by default)
  *   GYROCAL_LED                  a plain LED, or
@@ -19,6 +26,13 @@
  */
 #if !defined(GYROCAL_I2C_HZ)
 #define GYROCAL_I2C_HZ 400000
+#endif
+
+#if !defined(GYROCAL_SPI_CS2)
+#define GYROCAL_SPI_CS2 -1
+#endif
+#if !defined(GYROCAL_SPI_HZ)
+#define GYROCAL_SPI_HZ 8000000
 #endif
 
 #define BAUD 921600
@@ -36,8 +50,13 @@
 #define KNOWN_PINS {{"esp32_s3", 8, 9}}
 #endif
 
-#if defined(GYROCAL_INT1) && !defined(GYROCAL_INT1_SENSOR)
+#if !defined(GYROCAL_INT1)
+#define GYROCAL_INT1 -1
+#endif
+#if !defined(GYROCAL_INT1_SENSOR)
 #define GYROCAL_INT1_SENSOR 0
 #endif
+/* The pin that the INT1 of a sensor is wired to, or -1. */
+#define PIN_INT1(imu) ((imu) == GYROCAL_INT1_SENSOR ? GYROCAL_INT1 : -1)
 
 #endif

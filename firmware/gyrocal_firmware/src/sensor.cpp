@@ -3,6 +3,7 @@
 #include "headers.h"
 #include "output.h"
 #include "part.h"
+#include "spi_bus.h"
 #include "status_led.h"
 #include "wireless.h"
 
@@ -25,11 +26,16 @@ struct Port {
     static Sensor &of(void *context) { return *static_cast<Sensor *>(context); }
 
     static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
-        return of(context).bus_.write(address, reg, data, n);
+        return of(context).bus_->write(address, reg, data, n);
     }
     static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
-        return of(context).bus_.read(address, reg, data, n, of(context).had_bus_us_);
+        return of(context).bus_->read(address, reg, data, n, of(context).had_bus_us_);
     }
+#if defined(GYROCAL_SPI_CS)
+    static int spi(void *, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+        return SpiBus::transfer(die, *how, out, n_out, in, n_in);
+    }
+#endif
     static uint64_t bus_us(void *context) { return of(context).had_bus_us_; }
     static uint64_t now_us(void *) { return static_cast<uint64_t>(esp_timer_get_time()); }
     static void wait_until_us(void *context, uint64_t t_us) { of(context).wait(t_us); }
@@ -71,14 +77,18 @@ struct Port {
     static void alarm(void *context) { xTaskNotifyGive(of(context).task_); }
 };
 
-Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
+Sensor::Sensor(I2cBus *bus, uint8_t address, unsigned imu, int pin_int1)
     : bus_(bus), address_(address), imu_(imu), pin_int1_(pin_int1), port_(), config_(), device_(), alarm_(nullptr), task_(nullptr),
       commands_(xStreamBufferCreate(COMMAND_BYTES, 1)), had_bus_us_(0), rose_us_(0), next_(first_) {
     first_ = this;
     port_.context = this;
+#if defined(GYROCAL_SPI_CS)
+    port_.spi = Port::spi;
+#else
     port_.bus_write = Port::bus_write;
     port_.bus_read = Port::bus_read;
     port_.bus_us = Port::bus_us;
+#endif
     port_.now_us = Port::now_us;
     port_.wait_until_us = Port::wait_until_us;
     port_.wait_ready_us = pin_int1 >= 0 ? Port::wait_ready_us : nullptr;
@@ -108,7 +118,7 @@ void Sensor::start() {
     alarm.arg = this;
     alarm.name = "sample";
     ESP_ERROR_CHECK(esp_timer_create(&alarm, &alarm_));
-    flash_.begin(bus_.number(), address_);
+    flash_.begin(bus_ != nullptr ? bus_->number() : 0, address_);
     if (commands_ == nullptr || xTaskCreatePinnedToCore(run, "sensor", STACK_BYTES, this, PRIORITY, &task_, core) != pdPASS) {
         output_say("sensor %u: no memory for its task: connect fewer sensors", imu_);
     }

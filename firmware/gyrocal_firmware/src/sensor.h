@@ -13,8 +13,8 @@
 
 class Sensor {
 public:
-    /* pin_int1 is -1 if INT1 is not wired. */
-    Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1);
+    /* bus is null for a sensor by SPI; pin_int1 is -1 if INT1 is not wired. */
+    Sensor(I2cBus *bus, uint8_t address, unsigned imu, int pin_int1);
     void start();
     uint8_t address() const { return address_; }
     /* What its task was about when it was last seen. */
@@ -31,7 +31,7 @@ private:
     void wait(uint64_t t_us);
     uint64_t rose_us() const;
 
-    I2cBus &bus_;
+    I2cBus *bus_;
     uint8_t address_;
     unsigned imu_;
     int pin_int1_;

@@ -24,7 +24,7 @@ def run(
         int, typer.Option(min=1, max=4, help="On the board, each with its own simulated scenario or the same session.")
     ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
-    stream: Annotated[str, typer.Option(help="raw or off: what it sends until another `stream` command.")] = "raw",
+    stream: Annotated[str, typer.Option(help="raw, packed or off: what it sends until another `stream` command.")] = "raw",
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -36,6 +36,7 @@ def run(
         int, typer.Option(min=0, max=128, help="Samples read at once from the sensor's FIFO; 0: each as it comes.")
     ] = 0,
     part: Annotated[str, typer.Option(metavar="NAME", help="Kind of sensor, such as MPU-6050 or ICM-42688-P.")] = "LSM6DSO",
+    bus: Annotated[str, typer.Option(help="i2c or spi: how the sensor is wired to its board.")] = "i2c",
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     token: Annotated[str | None, typer.Option(help="With --tcp: what a reader must say first, as by Wi-Fi.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
@@ -60,13 +61,12 @@ def run(
     if "list" in (fault or []):
         print(listed(), end="")
         return
-    if stream not in ("raw", "off"):
-        raise InputError(f"--stream {stream}: want raw or off")
-    source = _source(session, effects or [], sensors, seed)
+    if stream not in ("raw", "packed", "off"):
+        raise InputError(f"--stream {stream}: want raw, packed or off")
     _end_by_signals()
     simulated = device.SimulatedDevice(
-        source, speed, stream=stream, faults=_wanted(fault, faults, fifo), fifo=fifo, part=part, tcp=tcp, token=token,
-        symlink=link, hold=hold, bench=bench,
+        _source(session, effects or [], sensors, seed), speed, stream=stream, faults=_wanted(fault, faults, fifo),
+        fifo=fifo, part=part, bus=bus, tcp=tcp, token=token, symlink=link, hold=hold, bench=bench,
     )  # fmt: skip
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(json.dumps({"port": simulated.port}) if as_json else simulated.port, flush=True)

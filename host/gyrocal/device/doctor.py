@@ -147,7 +147,7 @@ class Doctor:
 
     def _listen(self) -> None:
         reader = self.link.reader
-        self.link.send("stream raw")
+        self.link.send(self.link.stream)
         self._take_for(SETTLE_S)
         self._ask_status("before")
         for heard in self.sensors.values():
@@ -204,7 +204,7 @@ class Doctor:
     def _turned(self, ask: Callable[[str], None]) -> list[Check]:
         """What the sensors say of a turn by hand, which ends as soon as one of them has seen enough of it."""
         turns = {imu: Turn(heard) for imu, heard in self.sensors.items() if heard.raw}
-        self.link.send("stream raw")
+        self.link.send(self.link.stream)
         self._take_for(SETTLE_S)
         for imu in turns:
             self.sensors[imu].raw, self.sensors[imu].arrived_s = [], []

@@ -175,7 +175,7 @@ class Monitor:
     def _ask(self) -> None:
         if self.self_test:
             self.link.send("selftest")
-        self.link.send("stream raw")
+        self.link.send(self.link.stream)
         self.link.send("status")
 
     def _tell(self, command: str) -> None:

@@ -19,6 +19,8 @@ from gyrocal.device.wire import PROTOCOL, Reader, Sentence
 from gyrocal.errors import DeviceError
 
 BAUD = 921600
+TEXT_MOST_HZ = 1000.0
+"""The fastest samples that go as text: what a day later still fits ``BAUD`` (docs/wire.md)."""
 POLL_S = 0.05
 """The longest time that a read takes."""
 CHUNK = 65536
@@ -230,6 +232,12 @@ class Link:
     def replays(self) -> bool:
         """True if this is a simulated device that starts and stops runs by itself."""
         return REPLAY_NOTE in self.reader.logs
+
+    @property
+    def stream(self) -> str:
+        """The command for samples: as text, or packed where the device's rate is more than text carries."""
+        rate_hz = self.hello.real("rate_hz") if self.hello is not None else None
+        return "stream packed" if rate_hz is not None and rate_hz > TEXT_MOST_HZ else "stream raw"
 
     def receive(self) -> list[Sentence]:
         """The sentences that have come, after at most ``POLL_S``; empty if none came.

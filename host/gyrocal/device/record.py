@@ -170,7 +170,7 @@ class Recorder:
         rate = "none" if wanted.table_rate_dps is None else f"{wanted.table_rate_dps:.9g}"
         self.link.command(f"set table_dps {rate}")
         self.link.command(f"set turn_deg {wanted.turn_deg or 0.0:.9g}")
-        self.link.command("stream raw")
+        self.link.command(self.link.stream)
         self._leave_behind(self.link.command(f"start {wanted.face}"))
 
     def _leave_behind(self, answer: Sentence) -> None:
@@ -181,7 +181,7 @@ class Recorder:
     def _join(self) -> None:
         """Follow a device that starts its runs by itself; a run may already be in progress."""
         with contextlib.suppress(PortGone):  # a short replay may be over; its sentences are kept
-            self.link.command("stream raw")
+            self.link.command(self.link.stream)
             self.link.send("status")
 
     def _ask(self) -> None:
@@ -298,7 +298,7 @@ class Recorder:
             digits = self._scenario[len(head) :] or "0"
             self._scenario = f"{head}{int(digits) + 1:0{len(digits)}d}"
         with contextlib.suppress(PortGone):  # reading raises the error, once all is read
-            self.link.send("stream raw")
+            self.link.send(self.link.stream)
 
     def _settings(self) -> Sentence:
         """The device's settings. They are requested again if it has restarted since."""

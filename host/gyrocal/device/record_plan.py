@@ -67,7 +67,7 @@ class PlanRecorder(Recorder):
             self.link.send(f"set axis {planned.axis}")
             self.link.send(f"set table_dps {planned.table_rate_dps:.9g}")
             self.link.send("set turn_deg 0")
-            self.link.send("stream raw")
+            self.link.send(self.link.stream)
 
     def _digest(self, sentences: list[Sentence]) -> bool:
         if not self.link.connected:
@@ -135,7 +135,7 @@ class PlanRecorder(Recorder):
             )
         self._last = ""
         with contextlib.suppress(PortGone):  # reading says so, once all is read
-            self.link.send("stream raw")
+            self.link.send(self.link.stream)
         self._set_device()
 
 

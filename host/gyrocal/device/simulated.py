@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gyrocal.device.outlet import make_outlet
 from gyrocal.device.rows import rows_file
-from gyrocal.device.simulator import DEFAULT_PART, check_exit, serve, sim_command
+from gyrocal.device.simulator import DEFAULT_BUS, DEFAULT_PART, check_exit, serve, sim_command
 from gyrocal.device.wire import Reader, Sentence
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.recording.session import Session
@@ -27,6 +27,7 @@ def replay(
     faults: Sequence[str] = (),
     fifo: int = 0,
     part: str = DEFAULT_PART,
+    bus: str = DEFAULT_BUS,
     include_dir: Path | None = None,
 ) -> list[Sentence]:
     """Run a session through the device at full speed, without a port, and return its sentences.
@@ -35,7 +36,7 @@ def replay(
         DeviceError: the simulator failed, or a sentence was lost.
     """
     with rows_file(session) as rows:
-        command = sim_command(rows, stream=stream, faults=faults, fifo=fifo, part=part, include_dir=include_dir)
+        command = sim_command(rows, stream=stream, faults=faults, fifo=fifo, part=part, bus=bus, include_dir=include_dir)
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     check_exit(done.returncode, done.stderr)
     reader = Reader()
@@ -53,6 +54,7 @@ class SimulatedDevice:
         speed: ``max``, or the factor by which it is faster than real time.
         fifo: the number of samples that the device takes from the sensor's FIFO at once; 0 for none.
         part: the kind of sensor.
+        bus: i2c or spi, between the sensor and its board.
         include_dir: the folder of calibration.h and weights.h, if not the shipped ones.
         tcp: ``HOST:PORT`` for a TCP port instead of a pseudo terminal.
         token: what a reader of the TCP port must say first, as a board wants it by Wi-Fi.
@@ -70,6 +72,7 @@ class SimulatedDevice:
         faults: Sequence[str] = (),
         fifo: int = 0,
         part: str = DEFAULT_PART,
+        bus: str = DEFAULT_BUS,
         tcp: str | None = None,
         token: str | None = None,
         symlink: Path | None = None,
@@ -85,7 +88,7 @@ class SimulatedDevice:
             self._commands = [
                 sim_command(
                     stack.enter_context(rows_file(one)), imu=imu, speed=text, stream=stream, faults=faults, fifo=fifo,
-                    part=part, hold=hold, bench=bench, include_dir=include_dir,
+                    part=part, bus=bus, hold=hold, bench=bench, include_dir=include_dir,
                 )
                 for imu, one in enumerate(sensors)
             ]  # fmt: skip

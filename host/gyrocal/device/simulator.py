@@ -12,14 +12,17 @@ from pathlib import Path
 
 from gyrocal.device.faults import check_faults
 from gyrocal.device.outlet import Outlet
+from gyrocal.device.packed import end_of_whole
 from gyrocal.device.port import REPLAY_NOTE
 from gyrocal.errors import DeviceError, InputError
 
 WAIT_S = 0.02
 CARRY = 4096
 DEFAULT_PART = "LSM6DSO"
+DEFAULT_BUS = "i2c"
 WITH_FIFO = ("LSM6DSO", "LSM6DSR", "LSM6DSV", "BMI")
 """How the names of sensors begin whose FIFO the firmware uses."""
+WITHOUT_SPI = "MPU-6050"
 
 
 def sim_command(
@@ -31,15 +34,16 @@ def sim_command(
     faults: Sequence[str] = (),
     fifo: int = 0,
     part: str = DEFAULT_PART,
+    bus: str = DEFAULT_BUS,
     hold: bool = False,
     bench: bool = False,
     include_dir: Path | None = None,
 ) -> list[str]:
     """The command line of the simulator, which is compiled if necessary.
 
-    ``imu`` is the sensor's number on its board, ``part`` its kind. ``fifo`` is the number of samples that the device takes
-    from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with noise and flash, and
-    answers commands. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
+    ``imu`` is the sensor's number on its board, ``part`` its kind, ``bus`` i2c or spi. ``fifo`` is the number of samples that
+    the device takes from the sensor's FIFO at once, or 0. With ``bench``, nothing is replayed: the device lies still, with
+    noise and flash, and answers commands. ``include_dir`` is the folder of other headers than the shipped ones.
     """
     from gyrocal.core import library
 
@@ -49,6 +53,9 @@ def sim_command(
     if part != DEFAULT_PART:
         _check_part(part, fifo)
         command += ["--sensor", part]
+    if bus != DEFAULT_BUS:
+        _check_bus(bus, part)
+        command += ["--bus", bus]
     for fault in faults:
         command += ["--fault", fault]
     return [*command, *["--hold"] * hold, *["--bench"] * bench]
@@ -68,6 +75,13 @@ def _check_part(part: str, fifo: int) -> None:
         raise InputError(f"--part {part}: want one of {', '.join(names)}")
     if fifo and not part.startswith(WITH_FIFO):
         raise InputError(f"--fifo {fifo}: the FIFO of the {part} is not used; leave --fifo out")
+
+
+def _check_bus(bus: str, part: str) -> None:
+    if bus != "spi":
+        raise InputError(f"--bus {bus}: want {DEFAULT_BUS} or spi")
+    if part == WITHOUT_SPI:
+        raise InputError(f"--bus spi: the {part} does not speak SPI; leave --bus out")
 
 
 class Simulator:
@@ -94,11 +108,13 @@ class Simulator:
                 end.close()
 
     def read(self) -> bytes:
-        """The complete lines that have come; at the end of the simulator also the rest."""
+        """The whole lines and frames that have come; at the end of the simulator also the rest."""
         data = os.read(self.fd, CARRY)
         self.ended = not data
-        lines, newline, self._rest = (self._rest + data).rpartition(b"\n")
-        return self._rest if self.ended else lines + newline
+        data = self._rest + data
+        end = len(data) if self.ended else end_of_whole(data)
+        self._rest = data[end:]
+        return data[:end]
 
     def write(self, data: bytes) -> None:
         """Write all bytes to the process. Bytes for a process that has ended are dropped."""

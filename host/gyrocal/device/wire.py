@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.device.packed import MAX_FRAME, unpack
 from gyrocal.errors import DeviceError
 
 PROTOCOL = 1
@@ -193,6 +194,9 @@ class Reader:
     them or they were damaged, ``overlong`` lines of the protocol of more than 320 bytes, ``skipped`` bytes that belong to no
     line of the protocol, ``restarts`` decreases of a sequence number, which show a restart of the device. ``logs`` holds the
     latest ``#`` lines.
+
+    Frames of samples (packed.py), each between two zeros, may lie between the lines. What is damaged between zeros counts as a
+    line would: its samples are lost, and it is bad if frames came before it.
     """
 
     good: int = 0
@@ -207,13 +211,65 @@ class Reader:
     """The beginning of the line in progress has been dropped and counted."""
     _is_noise: bool = False
     _next: dict[int, int] = field(default_factory=dict)
+    _in_frame: bool = False
+    """A zero came, and what follows may be a frame."""
+    _knows_frames: bool = False
 
     def feed(self, chunk: bytes) -> list[Sentence]:
         """Take a chunk and return the sentences that it completes, in order."""
+        if b"\0" not in chunk and not self._in_frame:
+            return self._feed_text(chunk)
+        sentences: list[Sentence] = []
+        for part in re.split(b"(\0)", chunk):
+            if part == b"\0":
+                sentences += self._end_part()
+            elif self._in_frame:
+                self._rest += part
+                sentences += self._leave_frame()
+            else:
+                sentences += self._feed_text(part)
+        return sentences
+
+    def _end_part(self) -> list[Sentence]:
+        """A zero ends what is in progress, a line or a frame, and may begin a frame."""
+        rest, self._rest = self._rest, b""
+        if not self._in_frame:
+            self._in_frame = True
+            self._count_cut(rest)
+            return []
+        sentences = [Sentence("RAW", *each) for each in unpack(rest)]
+        if sentences:
+            self._in_frame, self._knows_frames = False, True
+            self._note(sentences)
+        elif rest:
+            good, was = self.good, self.bad
+            sentences = self._feed_text(rest)
+            self._count_cut(self._rest)
+            self._rest = b""
+            self.bad = was + (1 if self._knows_frames and good == self.good else 0)
+        return sentences
+
+    def _leave_frame(self) -> list[Sentence]:
+        """What is too long for a frame, or holds a sentence, is text."""
+        lines = self._rest.split(b"\n")[:-1]
+        if len(self._rest) <= MAX_FRAME and not any(_parse(line[max(line.rfind(b"$"), 0) :]) for line in lines):
+            return []
+        text, self._rest, self._in_frame = self._rest, b"", False
+        return self._feed_text(text)
+
+    def _note(self, sentences: list[Sentence]) -> None:
+        """Count sentences, and those that are missing before each."""
+        following = self._next
+        for _, seq, _, imu, _ in sentences:
+            if seq != following.get(imu, seq):
+                self._count_jump((seq - following[imu]) % SEQ_RANGE)
+            following[imu] = (seq + 1) % SEQ_RANGE
+        self.good += len(sentences)
+
+    def _feed_text(self, chunk: bytes) -> list[Sentence]:
         lines = (self._rest + chunk).split(b"\n")
         self._rest = lines.pop()
         sentences = []
-        following = self._next
         for line in lines:
             sentence = _parse(line)
             if sentence is None:
@@ -222,20 +278,20 @@ class Reader:
             if sentence is None:
                 continue
             sentences.append(sentence)
-            _, seq, _, imu, _ = sentence
-            if seq != following.get(imu, seq):
-                self._count_jump((seq - following[imu]) % SEQ_RANGE)
-            following[imu] = (seq + 1) % SEQ_RANGE
         if len(self._rest) >= MAX_LINE:
             self._drop_beginning()
-        self.good += len(sentences)
+        self._note(sentences)
         return sentences
 
     def cut(self) -> None:
         """The connection has ended: what came of a line is damaged, and the next chunk begins a new one."""
-        if self._rest:
-            self._count_other(self._rest, is_overlong=False)
-        self._rest, self._is_cut = b"", False
+        self._count_cut(self._rest)
+        self._rest, self._in_frame = b"", False
+
+    def _count_cut(self, rest: bytes) -> None:
+        if rest:
+            self._count_other(rest, is_overlong=False)
+        self._is_cut = False
 
     def _count_jump(self, missing: int) -> None:
         if missing < SEQ_RANGE // 2:

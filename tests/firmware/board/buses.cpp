@@ -3,7 +3,7 @@
 #include "simulated_board.h"
 
 extern "C" {
-#include "emul.h"
+#include "emul_spi.h"
 }
 
 #include <cmath>
@@ -235,6 +235,20 @@ int TwoWire::read() {
     return byte;
 }
 
+void pass_by_spi(unsigned die, unsigned mode, uint32_t hz, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+    advance(0, now_us);
+    if (!present[0]) {
+        memset(in, 0xFF, n_in);
+        return;
+    }
+    emul_spi(&chip[0], now_us, die, mode, hz, out, n_out, in, n_in);
+    if (chip[0].spi_faults > 0) {
+        fprintf(stderr, "a transfer by SPI that is not allowed: die %u, mode %u, %u Hz, %zu and %zu bytes\n", die, mode,
+                static_cast<unsigned>(hz), n_out, n_in);
+        abort();
+    }
+}
+
 extern "C" {
 void pinMode(uint8_t, uint8_t) {
 }
@@ -246,6 +260,7 @@ void digitalWrite(uint8_t pin, uint8_t value) {
         printf("# light %.3f %d\n", 1e-6 * static_cast<double>(now_us), value);
     }
 #endif
+    turn_select(pin, value == HIGH);
     for (int bus = 0; bus < BUSES; bus++) {
         clocks[bus] += pin == wired[bus].scl && value == HIGH ? 1 : 0;
         if (clocks[bus] == 9) {

@@ -37,6 +37,12 @@ void tie_low(unsigned bus, bool low);
 void wire_to(std::istream &pins);
 void set_world(unsigned i, std::istream &counts);
 
+/* What sensor 0 hears and says by SPI. A transfer that its maker does not allow ends the board (emul_spi.h). */
+void pass_by_spi(unsigned die, unsigned mode, uint32_t hz, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in);
+
+/* spi.cpp: a pin that may be a chip select. */
+void turn_select(int pin, bool high);
+
 /* network.cpp: the network that is there, none if it has no name, and what the script makes a reader do. */
 void set_network(std::istream &words);
 void act_as_reader(unsigned i, const std::string &word, std::istream &words);

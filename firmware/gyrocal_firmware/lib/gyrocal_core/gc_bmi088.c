@@ -11,6 +11,8 @@ enum { RANGE, BANDWIDTH, FIFO_MODE, ACC_CONF, ACC_RANGE, ACC_POWER, CONFIG_REGS 
 
 /* The widest filter of each rate: 32, 64, 47, 116 and 230 Hz. */
 static const gc_odr_t odrs[] = {{100.0, 7}, {200.0, 6}, {400.0, 3}, {1000.0, 2}, {2000.0, 1}};
+static const gc_spi_t gyr_spi = {.most_hz = 10000000, .mode = 0};
+static const gc_spi_t acc_spi = {.most_hz = 10000000, .mode = 0, .dummies = 1, .starts_as_i2c = true};
 static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {250.0, 250.0 / 32768.0, 3},
                                     {500.0, 500.0 / 32768.0, 2},
@@ -36,20 +38,17 @@ static uint8_t acc_code(double odr_hz) {
 
 /* Both dies must answer; the accelerometer's address is chosen by a pin of its own. */
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    int error = gc_sensor_read_regs(imu, GC_BMI088_CHIP_ID, &id, 1);
-    if (error != GC_OK || id != imu->part->id) {
-        return error != GC_OK ? error : GC_E_WRONG_ID;
+    int error = gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id);
+    if (error != GC_OK) {
+        return error;
     }
-    const uint8_t alike = (uint8_t)(GC_BMI088_ACC_ADDRESS | (imu->address & 1u));
-    for (uint8_t k = 0; k < 2u; k++) {
-        imu->other_address = alike ^ k;
-        error = gc_sensor_read_other(imu, GC_BMI088_ACC_CHIP_ID, &id, 1);
-        if (error == GC_OK && id == GC_BMI088_ACC_ID) {
-            return GC_OK;
-        }
+    imu->other_address = (uint8_t)(GC_BMI088_ACC_ADDRESS | (imu->address & 1u));
+    error = gc_sensor_check_id(imu, 1, GC_BMI088_ACC_CHIP_ID, GC_BMI088_ACC_ID);
+    if (error != GC_OK) {
+        imu->other_address ^= 1u;
+        error = gc_sensor_check_id(imu, 1, GC_BMI088_ACC_CHIP_ID, GC_BMI088_ACC_ID);
     }
-    return error != GC_OK ? error : GC_E_WRONG_ID;
+    return error;
 }
 
 /* A die does not answer while it resets. */
@@ -309,7 +308,8 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 const gc_part_t gc_bmi088 = {
-    .name = "BMI088", .id = GC_BMI088_ID, .address = {GC_BMI088_ADDRESS, GC_BMI088_ADDRESS_HIGH},
+    .name = "BMI088", .id_reg = GC_BMI088_CHIP_ID, .id = GC_BMI088_ID,
+    .address = {GC_BMI088_ADDRESS, GC_BMI088_ADDRESS_HIGH}, .spi = {&gyr_spi, &acc_spi},
     .lsb_g = 3.0 / 32768.0, .lsb_c = 0.125, .zero_c = 23.0,
     .noise_dps = 0.12, /* 0.014 dps/sqrt(Hz) within 47 Hz, of first order */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 400.0,

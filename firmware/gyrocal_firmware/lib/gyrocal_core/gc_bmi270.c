@@ -3,12 +3,13 @@
 #include "gc_error.h"
 
 #define CONFIG_REGS 4u /* ACC_CONF, ACC_RANGE, GYR_CONF, GYR_RANGE */
-#define CHUNK_BYTES 16u /* of the file in one transfer: some boards' I2C buffers hold 32 bytes */
+#define CHUNK_BYTES GC_WRITE_MAX /* of the file in one transfer */
 #define POLL_US 1000u
 #define FRAME_BYTES 12u
 #define BURST_FRAMES 10u /* boards' I2C buffers hold 128 bytes */
 
 static const gc_odr_t odrs[] = {{25.0, 6}, {50.0, 7}, {100.0, 8}, {200.0, 9}, {400.0, 10}, {800.0, 11}, {1600.0, 12}};
+static const gc_spi_t spi = {.most_hz = 10000000, .mode = 0, .dummies = 1, .starts_as_i2c = true};
 static const gc_range_t ranges[] = {{125.0, 125.0 / 32768.0, 4},
                                     {250.0, 250.0 / 32768.0, 3},
                                     {500.0, 500.0 / 32768.0, 2},
@@ -33,9 +34,7 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
 }
 
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    const int error = gc_sensor_read_regs(imu, GC_BMI270_CHIP_ID, &id, 1);
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    return gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id);
 }
 
 /* After a reset the part is in its saving mode again, which is how the end of one shows. */
@@ -55,14 +54,10 @@ static int reset(gc_sensor_t *imu) {
 }
 
 static int write_chunk(gc_sensor_t *imu, const uint8_t *file, size_t at, size_t n) {
-    const gc_port_t *port = imu->port;
     const size_t word = at / 2u;
     const uint8_t where[] = {(uint8_t)(word & 0x0Fu), (uint8_t)(word >> 4)};
-    if (port->bus_write(port->context, imu->address, GC_BMI270_INIT_ADDR_0, where, sizeof where) < 0 ||
-        port->bus_write(port->context, imu->address, GC_BMI270_INIT_DATA, file + at, n) < 0) {
-        return GC_E_BUS_NACK;
-    }
-    return GC_OK;
+    const int error = gc_sensor_write_regs(imu, GC_BMI270_INIT_ADDR_0, where, sizeof where);
+    return error == GC_OK ? gc_sensor_write_regs(imu, GC_BMI270_INIT_DATA, file + at, n) : error;
 }
 
 static int wait_for_init(gc_sensor_t *imu) {
@@ -222,12 +217,8 @@ static int select_page(gc_sensor_t *imu, uint8_t page) {
 /* One word of a page: no burst (the file's own test needs none), the test of the gyroscope and not its trim, and no abort. */
 static int choose_test(gc_sensor_t *imu) {
     static const uint8_t word[2] = {0, 0};
-    const gc_port_t *port = imu->port;
     const int error = select_page(imu, 1);
-    if (error != GC_OK) {
-        return error;
-    }
-    return port->bus_write(port->context, imu->address, GC_BMI270_G_TRIG_1, word, sizeof word) < 0 ? GC_E_BUS_NACK : GC_OK;
+    return error == GC_OK ? gc_sensor_write_regs(imu, GC_BMI270_G_TRIG_1, word, sizeof word) : error;
 }
 
 static int begin_test(gc_sensor_t *imu) {
@@ -268,7 +259,8 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 const gc_part_t gc_bmi270 = {
-    .name = "BMI270", .id = GC_BMI270_ID, .address = {GC_BMI270_ADDRESS, GC_BMI270_ADDRESS_HIGH},
+    .name = "BMI270", .id_reg = GC_BMI270_CHIP_ID, .id = GC_BMI270_ID,
+    .address = {GC_BMI270_ADDRESS, GC_BMI270_ADDRESS_HIGH}, .spi = {&spi},
     .lsb_g = 2.0 / 32768.0, .lsb_c = 1.0 / 512.0, .zero_c = 23.0,
     .noise_dps = 0.09, /* 0.007 dps/sqrt(Hz) within the filter of 400 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 400.0,

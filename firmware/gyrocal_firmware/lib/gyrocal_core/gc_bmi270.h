@@ -4,6 +4,8 @@
  *
  *     upload of the file, reset, FIFO frames    bmi2.c: write_config_file, upload_file, bmi2_soft_reset, unpack_gyro_frame
  *     addresses, bits, codes                    bmi2_defs.h, and zephyrproject-rtos/zephyr, drivers/sensor/bosch/bmi270/bmi270.h, 056fd5aa
+ *     SPI: dummy byte, readings in vain         bmi2.c: bmi2_soft_reset; zephyr, drivers/sensor/bosch/bmi270/bmi270_spi.c, 2fe8f4d5; mode 0
+ *     after power-on and reset                  there; 10 MHz, datasheet BST-BMI270-DS000, section 6.2
  *     self-test                                 bmi2.c: do_gtrigger_test, gyro_crt_test, gyro_self_test_completed; pages, bmi270.h
  *     waits                                     the latter: 450 us between writes in suspend, 45 ms until the gyroscope runs
  *     sensitivities, temperature, noise         datasheet BST-BMI270-DS000, section 1; depth of the FIFO, section 4.8

@@ -101,7 +101,8 @@ static void tell_status(gc_device_t *d) {
 /* A reader who missed the end of a run learns from these how many samples it had. */
 static void remind(gc_device_t *d) {
     const uint64_t now = now_us(d);
-    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || gc_device_is_recording(d) || now < d->reminder_us) {
+    const bool is_heard = d->stream == GC_STREAM_RAW || d->stream == GC_STREAM_PACKED;
+    if (d->reminders == 0u || !is_heard || gc_device_is_recording(d) || now < d->reminder_us) {
         return;
     }
     begin_status(d);
@@ -221,6 +222,7 @@ static void take_samples(gc_device_t *d) {
             show(d);
         }
     } while (gc_sampler_judge(&d->sampler));
+    gc_tell_packed(&d->teller);
 }
 
 /* Takes the samples that the FIFO still holds, so that they come before a change. */
@@ -235,7 +237,7 @@ static void empty_fifo(gc_device_t *d) {
 /* The part that these settings name, or that is asked first for its id. */
 static const gc_part_t *part_of(const gc_device_t *d, const gc_settings_t *settings) {
     const gc_part_t *part = d->config.part != NULL ? d->config.part : gc_settings_part(settings, d->config.parts);
-    part = part != NULL ? part : gc_part_at(d->config.parts, d->config.address);
+    part = part != NULL ? part : gc_part_at(d->config.parts, d->config.port, d->config.address);
     return part != NULL ? part : d->config.parts[0];
 }
 
@@ -249,7 +251,7 @@ static void name_part(gc_device_t *d) {
 /* Settings that the part does not have give way to the firmware's. The sensor stays the one that was set. */
 static void fit_settings(gc_device_t *d) {
     const int32_t sensor = d->settings.now.sensor;
-    if (gc_settings_check(&d->settings.now, d->sampler.part) != GC_OK) {
+    if (gc_settings_check(&d->settings.now, d->sampler.part, d->config.port) != GC_OK) {
         gc_settings_default(&d->settings.now, d->config.calibration);
         d->settings.now.sensor = sensor;
         d->settings_kept = false;
@@ -355,11 +357,11 @@ static int do_set(gc_device_t *d, const gc_command_t *command) {
     gc_settings_t settings = before;
     int error = gc_settings_parse(&settings, command->setting, command->value, d->config.parts);
     const gc_part_t *part = settings.sensor == before.sensor ? d->sampler.part : part_of(d, &settings);
-    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.address)) {
-        error = GC_E_ARGUMENT;
+    if (error == GC_OK && settings.sensor != before.sensor && !gc_part_may_be_at(part, d->config.port, d->config.address)) {
+        error = d->config.port->spi != NULL ? GC_E_NO_SPI : GC_E_ARGUMENT;
     }
     if (error == GC_OK) {
-        error = gc_settings_check(&settings, part);
+        error = gc_settings_check(&settings, part, d->config.port);
     }
     if (error == GC_OK && !gc_stream_fits(d->stream, settings.rate_hz)) {
         error = GC_E_STREAM_RATE;

@@ -24,6 +24,8 @@ extern "C" {
     X(GC_E_REPEATED, -14, "repeated", "readings came more than once: lower rate_hz or power the sensor off and on")      \
     X(GC_E_PART_FILE, -15, "part_file", "this sensor needs its maker's configuration file: see Sensors in docs/board.md")       \
     X(GC_E_PART_FILE_REFUSED, -16, "part_file_refused", "the sensor did not take its configuration file: check file and cable") \
+    X(GC_E_NO_SPI, -17, "no_spi", "this sensor does not speak SPI: wire it to I2C or connect another")                         \
+    X(GC_E_SPI_NEEDED, -18, "spi_needed", "too many samples for I2C: set a slower rate_hz or wire the sensor to SPI")            \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
@@ -42,7 +44,7 @@ extern "C" {
     X(GC_E_FACE, -35, "wrong_face", "gravity says the other face: check the face given and how the sensor is mounted")     \
     X(GC_E_NO_PAIR, -36, "no_pair", "axis or full scale or rate_hz or table_dps is not that of the run before: repeat it") \
     X(GC_E_TABLE_RATE, -37, "table_rate", "the reading is over 3 percent off table_dps: check the table or set table_dps") \
-    X(GC_E_STREAM_RATE, -38, "stream_rate", "the wire carries no stream at this rate_hz: send stream off or set a slower one")    \
+    X(GC_E_STREAM_RATE, -38, "stream_rate", "text carries no stream at this rate_hz: send stream packed or off or set a slower one") \
     X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")      \
     X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")      \
     X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \

@@ -10,6 +10,7 @@ enum { PWR_1, PWR_2, DIVIDER, GYRO, ACCEL, CONFIG_REGS }; /* the watched ones: t
 
 static const gc_odr_t odrs[] = {{12.5, 89}, {25.0, 44}, {45.0, 24}, {56.25, 19}, {75.0, 14}, {112.5, 9},
                                 {125.0, 8}, {225.0, 4}, {375.0, 2}, {562.5, 1},  {1125.0, 0}};
+static const gc_spi_t spi = {.most_hz = 7000000, .mode = 3, .i2c_off_reg = GC_ICM20948_USER_CTRL, .i2c_off = GC_ICM20948_I2C_IF_DIS};
 static const gc_range_t ranges[] = {
     {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x02}, {1000.0, 1.0 / 32.8, 0x04}, {2000.0, 1.0 / 16.4, 0x06}};
 
@@ -48,12 +49,8 @@ static int select_bank(gc_sensor_t *imu, uint8_t bank) {
 
 /* Another program may have left another bank selected. */
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    int error = select_bank(imu, 0);
-    if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_ICM20948_WHO_AM_I, &id, 1);
-    }
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    const int error = select_bank(imu, 0);
+    return error == GC_OK ? gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id) : error;
 }
 
 static int reset(gc_sensor_t *imu) {
@@ -117,6 +114,9 @@ static int set_up(gc_sensor_t *imu) {
     if (error == GC_OK) {
         error = configure(imu);
     }
+    if (error == GC_OK) { /* asleep, the part kept no register but one */
+        error = gc_sensor_leave_i2c(imu);
+    }
     if (error == GC_OK) {
         gc_sensor_wait_us(imu, GC_ICM20948_TURN_ON_US);
         error = burst(imu, &first);
@@ -174,7 +174,8 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 const gc_part_t gc_icm20948 = {
-    .name = "ICM-20948", .id = GC_ICM20948_ID, .address = {GC_ICM20948_ADDRESS, GC_ICM20948_ADDRESS_HIGH},
+    .name = "ICM-20948", .id_reg = GC_ICM20948_WHO_AM_I, .id = GC_ICM20948_ID,
+    .address = {GC_ICM20948_ADDRESS, GC_ICM20948_ADDRESS_HIGH}, .spi = {&spi},
     .lsb_g = 1.0 / 16384.0, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,
     .noise_dps = 0.23, /* 0.015 dps/sqrt(Hz) within 230 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 562.5,

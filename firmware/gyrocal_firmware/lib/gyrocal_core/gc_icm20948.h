@@ -5,6 +5,7 @@
  *     order of the start-up, waits        the same, src/ICM_20948.cpp, startupDefault: 50 ms after a reset, awake, then the rest
  *     filters                             the same, src/util/ICM_20948_ENUMERATIONS.h: bandwidths by code
  *     sensitivities, temperature          zephyrproject-rtos/zephyr, drivers/sensor/tdk/icm20948/icm20948.c, 4023c096
+ *     SPI: mode 3                         the first, src/ICM_20948.h; 7 MHz, datasheet DS-000189, section 3.4; I2C_IF_DIS, section 8.2
  *     self-test                           skywalk-software/Teensy-ICM-20948, src/Icm20948SelfTest.c, 75f36fe3 (InvenSense's own driver)
  *     rates (1125 Hz over a divider and   datasheet DS-000189, sections 10.1 and 3.1. SparkFun's comment says 1.1 kHz
  *     one), noise
@@ -27,6 +28,7 @@ extern "C" {
 #define GC_ICM20948_BANK_2 0x20u
 
 #define GC_ICM20948_WHO_AM_I 0x00 /* of bank 0, as those that follow */
+#define GC_ICM20948_USER_CTRL 0x03
 #define GC_ICM20948_LP_CONFIG 0x05
 #define GC_ICM20948_PWR_MGMT_1 0x06
 #define GC_ICM20948_INT_PIN_CFG 0x0F
@@ -43,6 +45,7 @@ extern "C" {
 #define GC_ICM20948_ACCEL_CONFIG 0x14
 
 #define GC_ICM20948_ID 0xEA
+#define GC_ICM20948_I2C_IF_DIS 0x10u
 #define GC_ICM20948_RESET 0x80u
 #define GC_ICM20948_CLOCK_AUTO 0x01u
 #define GC_ICM20948_LATCH_INT 0x20u /* until INT_STATUS_1 is read */

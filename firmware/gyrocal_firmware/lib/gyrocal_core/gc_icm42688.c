@@ -8,6 +8,7 @@
 enum { POWER, GYRO, ACCEL, FILTERS, CONFIG_REGS }; /* the watched ones */
 
 static const gc_odr_t odrs[] = {{12.5, 11}, {25.0, 10}, {50.0, 9}, {100.0, 8}, {200.0, 7}, {500.0, 15}, {1000.0, 6}};
+static const gc_spi_t spi = {.most_hz = 24000000, .mode = 3, .i2c_off_reg = GC_ICM42688_INTF_CONFIG0, .i2c_off = GC_ICM42688_I2C_OFF};
 static const gc_range_t ranges[] = {
     {125.0, 1.0 / 262.0, 0x80}, {250.0, 1.0 / 131.0, 0x60}, {500.0, 1.0 / 65.5, 0x40}, {1000.0, 1.0 / 32.8, 0x20}, {2000.0, 1.0 / 16.4, 0x00}};
 
@@ -28,12 +29,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
 
 /* Another program may have left another bank selected. */
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    int error = gc_sensor_write_reg(imu, GC_ICM42688_REG_BANK_SEL, 0);
-    if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_ICM42688_WHO_AM_I, &id, 1);
-    }
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    const int error = gc_sensor_write_reg(imu, GC_ICM42688_REG_BANK_SEL, 0);
+    return error == GC_OK ? gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id) : error;
 }
 
 static int reset(gc_sensor_t *imu) {
@@ -83,6 +80,9 @@ static int set_up(gc_sensor_t *imu) {
         error = reset(imu);
     }
     if (error == GC_OK) {
+        error = gc_sensor_leave_i2c(imu);
+    }
+    if (error == GC_OK) {
         error = configure(imu);
     }
     if (error == GC_OK) {
@@ -128,7 +128,8 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 const gc_part_t gc_icm42688 = {
-    .name = "ICM-42688-P", .id = GC_ICM42688_ID, .address = {GC_ICM42688_ADDRESS, GC_ICM42688_ADDRESS_HIGH},
+    .name = "ICM-42688-P", .id_reg = GC_ICM42688_WHO_AM_I, .id = GC_ICM42688_ID,
+    .address = {GC_ICM42688_ADDRESS, GC_ICM42688_ADDRESS_HIGH}, .spi = {&spi},
     .lsb_g = 1.0 / 16384.0, .lsb_c = 1.0 / 132.48, .zero_c = 25.0,
     .noise_dps = 0.033, /* 2.8 mdps/sqrt(Hz) within a quarter of 500 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0,

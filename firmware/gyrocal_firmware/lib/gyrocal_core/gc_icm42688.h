@@ -5,6 +5,7 @@
  *     order and times of the start-up                icm42688_common.c, 1de8336b: RESET_DONE 1 ms after a reset, no register written
  *                                                    within 200 us after PWR_MGMT0, INT_CONFIG1 0, 30 ms until the gyroscope runs
  *     order of the readings                          the same, icm42688_read_all
+ *     SPI: mode 3, UI_SIFS_CFG                       ../icm4268x/icm4268x.c and icm4268x_common.c, 556c620b; 24 MHz, datasheet, section 9.6
  *
  * Sensitivities, temperature and noise are those of datasheet DS-000347. Self-test: InvenSense's own driver in
  * VaderMester/ESP32-ICM426XX-driver, components/ICM426XX/Invn/Drivers/Icm426xx, a60ffe2e: Icm426xxSelfTest.c, run_gyro_self_test and
@@ -25,6 +26,7 @@ extern "C" {
 #define GC_ICM42688_INT_CONFIG 0x14
 #define GC_ICM42688_TEMP_DATA1 0x1D
 #define GC_ICM42688_INT_STATUS 0x2D
+#define GC_ICM42688_INTF_CONFIG0 0x4C
 #define GC_ICM42688_PWR_MGMT0 0x4E
 #define GC_ICM42688_GYRO_CONFIG1 0x51
 #define GC_ICM42688_GYRO_ACCEL_CONFIG0 0x52
@@ -40,6 +42,7 @@ extern "C" {
 #define GC_ICM42688_INT1_LATCHED 0x07u /* until INT_STATUS is read; push-pull, active high */
 #define GC_ICM42688_DATA_READY 0x08u   /* of INT_STATUS, and its source */
 #define GC_ICM42688_RESET_DONE 0x10u
+#define GC_ICM42688_I2C_OFF 0x03u      /* UI_SIFS_CFG */
 #define GC_ICM42688_LOW_NOISE 0x0Fu    /* both sensors */
 #define GC_ICM42688_ACCEL_FILTER_DEFAULT 0x10u /* a quarter of the rate */
 #define GC_ICM42688_GYRO_FILTER_DEFAULT 0x01u  /* the same */

@@ -8,7 +8,9 @@
 #define RESET_LOOK_US 50u
 enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL_REGS }; /* the watched ones */
 
-static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}, {3333.0, 9}};
+static const gc_odr_t odrs[] = {{12.5, 1}, {26.0, 2}, {52.0, 3}, {104.0, 4}, {208.0, 5}, {416.0, 6}, {833.0, 7}, {1666.0, 8}, {3333.0, 9}, {6667.0, 10}};
+static const gc_spi_t spi = {
+    .most_hz = 10000000, .mode = 3, .i2c_off_reg = GC_LSM6DSO_CTRL4_C, .i2c_off = GC_LSM6DSO_CTRL4_I2C_DISABLE};
 static const gc_range_t ranges[] = {
     {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C},
 };
@@ -40,12 +42,8 @@ static int disable_i3c(gc_sensor_t *imu) {
 
 /* Another program may have left the bank of the embedded functions selected, where WHO_AM_I cannot be read. */
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    int error = gc_sensor_write_reg(imu, GC_LSM6DSO_FUNC_CFG_ACCESS, 0);
-    if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSO_WHO_AM_I, &id, 1);
-    }
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    const int error = gc_sensor_write_reg(imu, GC_LSM6DSO_FUNC_CFG_ACCESS, 0);
+    return error == GC_OK ? gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id) : error;
 }
 
 /* A part whose INT1 is high at a reset may take its bus for I3C and not answer until power-off. Data that nobody has read keep
@@ -86,7 +84,8 @@ static int set_up(gc_sensor_t *imu) {
     imu->written[CTRL1] = (uint8_t)(odr_bits | imu->accel->code);
     imu->written[CTRL2] = (uint8_t)(odr_bits | imu->range->code);
     imu->written[CTRL3] = GC_LSM6DSO_CTRL3_BDU | GC_LSM6DSO_CTRL3_IF_INC;
-    imu->written[CTRL4] = imu->low_pass > 0u ? GC_LSM6DSO_CTRL4_LPF1_SEL_G : 0u;
+    imu->written[CTRL4] = (uint8_t)((imu->low_pass > 0u ? GC_LSM6DSO_CTRL4_LPF1_SEL_G : 0u) |
+                                    (imu->spi[0] != NULL ? imu->spi[0]->i2c_off : 0u));
     imu->written[CTRL5] = 0;
     imu->written[CTRL6] = imu->low_pass > 0u ? (uint8_t)(imu->low_pass - 1u) : 0u; /* FTYPE */
 
@@ -165,7 +164,7 @@ static unsigned low_passes_at(double odr_hz) {
 #define WITH_FIFO                                                                                                        \
     .traits = GC_LSM6_HAS_I3C | GC_LSM6_HAS_FREQ_FINE, .low_passes = 8, .low_passes_at = low_passes_at, .batch_max = 128, .fifo_begin = fifo_begin, .fifo_read = fifo_read
 #define ALIKE                                                                                                            \
-    .address = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW}, .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0],          \
+    .address = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW}, .spi = {&spi}, .id_reg = GC_LSM6DSO_WHO_AM_I, .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0],          \
     .polled_from_hz = 416.0, .watched_reg = GC_LSM6DSO_CTRL1_XL, .watched = CTRL_REGS, .identify = identify,             \
     .set_up = set_up, .ready = ready, .read = burst, .self_test = self_test
 

@@ -10,6 +10,8 @@
  *                  two bits of it: lsm6ds3tr-c_reg.h, lsm6ds3tr_c_lpf1_sel_g_t; the LSM6DS3 has no LPF1
  *     time stamps  TIMESTAMP_EN, their tag and how many are stored: the same lsm6dso_reg.h
  *     self-test    AN5192, section 8: 208 Hz and 2000 dps, 150 to 700 dps by the datasheets of all of them
+ *     SPI          mode 3, zephyrproject-rtos/zephyr, drivers/sensor/st/lsm6dso/lsm6dso.c, 0cdbf892; I2C_disable, each part's _reg.h;
+ *                  10 MHz, DS12140, section 4.4.1
  *     LSM6DS3      id, likewise, and 16 counts a degree: STMicroelectronics/lsm6ds3-pid, lsm6ds3_reg.c, 13df2967
  */
 #ifndef GC_LSM6DSO_H
@@ -29,6 +31,7 @@ extern "C" {
 #define GC_LSM6DSO_CTRL1_XL 0x10
 #define GC_LSM6DSO_CTRL2_G 0x11
 #define GC_LSM6DSO_CTRL3_C 0x12
+#define GC_LSM6DSO_CTRL4_C 0x13
 #define GC_LSM6DSO_CTRL5_C 0x14
 #define GC_LSM6DSO_WHO_AM_I 0x0F
 #define GC_LSM6DSO_CTRL9_XL 0x18
@@ -51,6 +54,7 @@ extern "C" {
 #define GC_LSM6DSO_CTRL3_BDU 0x40u
 #define GC_LSM6DSO_CTRL3_IF_INC 0x04u
 #define GC_LSM6DSO_CTRL4_LPF1_SEL_G 0x02u
+#define GC_LSM6DSO_CTRL4_I2C_DISABLE 0x04u
 #define GC_LSM6DSO_CTRL3_SW_RESET 0x01u
 #define GC_LSM6DSO_CTRL9_I3C_DISABLE 0x02u
 #define GC_LSM6DSO_CTRL5_GYRO_TEST 0x04u /* the gyroscope's mass is moved as by a positive rate */

@@ -10,6 +10,7 @@ enum { CTRL1, CTRL2, CTRL3, CTRL4, CTRL5, CTRL6, CTRL7, CTRL8, CONFIG_REGS }; /*
 #define TEST_CODE_2000_DPS 4u
 
 static const gc_odr_t odrs[] = {{7.5, 2}, {15.0, 3}, {30.0, 4}, {60.0, 5}, {120.0, 6}, {240.0, 7}, {480.0, 8}, {960.0, 9}, {1920.0, 10}, {3840.0, 11}};
+static const gc_spi_t spi = {.most_hz = 10000000, .mode = 3, .i2c_off_reg = GC_LSM6DSV_IF_CFG, .i2c_off = GC_LSM6DSV_I2C_I3C_DISABLE};
 static const gc_range_t ranges[] = {{125.0, 0.004375, 0x00}, {250.0, 0.00875, 0x01}, {500.0, 0.0175, 0x02},
                                     {1000.0, 0.035, 0x03},   {2000.0, 0.070, 0x04},  {4000.0, 0.140, 0x0C}};
 static const gc_accel_t accels[] = {{2.0, 0}, {4.0, 1}, {8.0, 2}, {16.0, 3}};
@@ -30,12 +31,8 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
 
 /* Another program may have left another bank selected. */
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    int error = gc_sensor_write_reg(imu, GC_LSM6DSV_FUNC_CFG_ACCESS, 0);
-    if (error == GC_OK) {
-        error = gc_sensor_read_regs(imu, GC_LSM6DSV_WHO_AM_I, &id, 1);
-    }
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    const int error = gc_sensor_write_reg(imu, GC_LSM6DSV_FUNC_CFG_ACCESS, 0);
+    return error == GC_OK ? gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id) : error;
 }
 
 static int reset(gc_sensor_t *imu) {
@@ -90,6 +87,9 @@ static int set_up(gc_sensor_t *imu) {
         error = reset(imu);
     }
     if (error == GC_OK) {
+        error = gc_sensor_leave_i2c(imu);
+    }
+    if (error == GC_OK) {
         error = read_period(imu);
     }
     if (error == GC_OK) {
@@ -135,7 +135,8 @@ static int self_test(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 const gc_part_t gc_lsm6dsv = {
-    .name = "LSM6DSV", .id = GC_LSM6DSV_ID, .address = {GC_LSM6DSV_ADDRESS, GC_LSM6DSV_ADDRESS_LOW},
+    .name = "LSM6DSV", .id_reg = GC_LSM6DSV_WHO_AM_I, .id = GC_LSM6DSV_ID,
+    .address = {GC_LSM6DSV_ADDRESS, GC_LSM6DSV_ADDRESS_LOW}, .spi = {&spi},
     .lsb_g = 0.000061, .lsb_c = 1.0 / 256.0, .zero_c = 25.0,
     .noise_dps = 0.043, /* 2.8 mdps/sqrt(Hz) within half of 480 Hz */
     .odr = odrs, .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 480.0,

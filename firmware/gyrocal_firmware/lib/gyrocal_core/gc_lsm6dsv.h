@@ -5,8 +5,9 @@
  *     both sensors off before a reset                  the same, lsm6dsv_reg.c, lsm6dsv_sw_reset
  *     INTERNAL_FREQ (0.13 % a count of 7680 Hz),       datasheet DS13476, which could not be read here again: if the step is
  *     noise, turn-on, depth of the FIFO, self-test     another one, the period is off by at most the part's own 5 %
+ *     SPI: mode 3 as its kin, I2C_I3C_disable          lsm6dsv_reg.h, lsm6dsv_ui_i2c_i3c_mode_set; 10 MHz, DS13476
  *
- * Bit 0 of IF_CFG, unlike that of older parts, switches off I2C as well; it stays 0. */
+ * Bit 0 of IF_CFG, unlike that of older parts, switches off I2C as well; on I2C it stays 0. */
 #ifndef GC_LSM6DSV_H
 #define GC_LSM6DSV_H
 
@@ -20,6 +21,7 @@ extern "C" {
 #define GC_LSM6DSV_ADDRESS_LOW 0x6A /* SDO/SA0 low */
 
 #define GC_LSM6DSV_FUNC_CFG_ACCESS 0x01
+#define GC_LSM6DSV_IF_CFG 0x03
 #define GC_LSM6DSV_INT1_CTRL 0x0D
 #define GC_LSM6DSV_WHO_AM_I 0x0F
 #define GC_LSM6DSV_CTRL1 0x10
@@ -35,6 +37,7 @@ extern "C" {
 #define GC_LSM6DSV_FUNCTIONS_ENABLE 0x50
 
 #define GC_LSM6DSV_ID 0x70
+#define GC_LSM6DSV_I2C_I3C_DISABLE 0x01u
 #define GC_LSM6DSV_INT1_DRDY_G 0x02u
 #define GC_LSM6DSV_INT1_FIFO_TH 0x08u
 #define GC_LSM6DSV_CTRL3_BDU 0x40u

@@ -9,6 +9,7 @@
 /* 1 kHz over the divider and one. */
 static const gc_odr_t odrs[] = {{10.0, 99}, {20.0, 49},  {25.0, 39},  {50.0, 19},  {100.0, 9},
                                 {125.0, 7}, {200.0, 4}, {250.0, 3}, {500.0, 1}, {1000.0, 0}};
+static const gc_spi_t spi = {.most_hz = 1000000, .mode = 3, .i2c_off_reg = GC_MPU6500_USER_CTRL, .i2c_off = GC_MPU6500_I2C_IF_DIS};
 static const gc_range_t ranges[] = {
     {250.0, 1.0 / 131.0, 0x00}, {500.0, 1.0 / 65.5, 0x08}, {1000.0, 1.0 / 32.8, 0x10}, {2000.0, 1.0 / 16.4, 0x18}};
 
@@ -38,9 +39,7 @@ static int burst(gc_sensor_t *imu, gc_sample_t *sample) {
 }
 
 static int identify(gc_sensor_t *imu) {
-    uint8_t id = 0;
-    const int error = gc_sensor_read_regs(imu, GC_MPU6050_WHO_AM_I, &id, 1);
-    return error == GC_OK && id != imu->part->id ? GC_E_WRONG_ID : error;
+    return gc_sensor_check_id(imu, 0, imu->part->id_reg, imu->part->id);
 }
 
 static int reset(gc_sensor_t *imu) {
@@ -85,6 +84,9 @@ static int set_up(gc_sensor_t *imu) {
     }
     if (error == GC_OK) {
         error = wake(imu);
+    }
+    if (error == GC_OK) {
+        error = gc_sensor_leave_i2c(imu);
     }
     if (error == GC_OK) {
         error = configure(imu);
@@ -152,13 +154,13 @@ static int test_by_code(gc_sensor_t *imu, gc_self_test_t *result) {
 }
 
 #define ALIKE                                                                                                            \
-    .address = {GC_MPU6050_ADDRESS, GC_MPU6050_ADDRESS_HIGH}, .lsb_g = 1.0 / 16384.0, .odr = odrs,                       \
+    .address = {GC_MPU6050_ADDRESS, GC_MPU6050_ADDRESS_HIGH}, .id_reg = GC_MPU6050_WHO_AM_I, .lsb_g = 1.0 / 16384.0, .odr = odrs,                       \
     .odrs = sizeof odrs / sizeof odrs[0], .polled_from_hz = 500.0, .range = ranges,                                      \
     .ranges = sizeof ranges / sizeof ranges[0], .accel = accels, .accels = sizeof accels / sizeof accels[0],             \
     .low_passes = 6, .watched_reg = GC_MPU6050_SMPLRT_DIV, .identify = identify,                                         \
     .set_up = set_up, .ready = ready, .read = burst
 #define WITH_ACCEL_FILTER                                                                                                \
-    .traits = GC_MPU_HAS_ACCEL_FILTER, .watched = CONFIG_REGS + 1u, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,               \
+    .spi = {&spi}, .traits = GC_MPU_HAS_ACCEL_FILTER, .watched = CONFIG_REGS + 1u, .lsb_c = 1.0 / 333.87, .zero_c = 21.0,               \
     .self_test = test_by_code,                                                                                           \
     .noise_dps = 0.14 /* 0.01 dps/sqrt(Hz) within 188 Hz */
 

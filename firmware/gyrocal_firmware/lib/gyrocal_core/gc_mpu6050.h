@@ -11,6 +11,8 @@
  *                                procedure, limits without a code, and all of it for the MPU-6500 and its successors:
  *                                sparkfun/SparkFun_MPU-9250-DMP_Arduino_Library, src/util/inv_mpu.c, f46b97c4: get_st_biases,
  *                                gyro_self_test; get_st_6500_biases, gyro_6500_self_test
+ *     SPI, of all but the        I2C_IF_DIS, torvalds/linux, drivers/iio/imu/inv_mpu6050/inv_mpu_spi.c, 0ccfdcf9; mode 3, and 1 MHz for
+ *     MPU-6050                   all registers, product specification PS-MPU-6500A-01, section 7.5
  */
 #ifndef GC_MPU6050_H
 #define GC_MPU6050_H
@@ -33,6 +35,7 @@ extern "C" {
 #define GC_MPU6050_INT_ENABLE 0x38
 #define GC_MPU6050_INT_STATUS 0x3A
 #define GC_MPU6050_ACCEL_XOUT_H 0x3B
+#define GC_MPU6500_USER_CTRL 0x6A
 #define GC_MPU6050_PWR_MGMT_1 0x6B
 #define GC_MPU6050_WHO_AM_I 0x75
 
@@ -47,6 +50,7 @@ extern "C" {
 #define GC_MPU6050_CLOCK_GYRO 0x01u
 #define GC_MPU6050_LATCH_INT 0x20u /* until INT_STATUS is read */
 #define GC_MPU6050_DATA_READY 0x01u
+#define GC_MPU6500_I2C_IF_DIS 0x10u
 #define GC_MPU6050_GYRO_TEST 0xE0u /* all axes, at 250 dps */
 
 #define GC_MPU6050_BOOT_US 100000u

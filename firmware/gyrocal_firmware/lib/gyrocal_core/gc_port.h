@@ -33,12 +33,25 @@ typedef struct {
     uint32_t refused; /* connections without the right token */
 } gc_wifi_state_t;
 
+/* How a part, or one of its dies, speaks SPI. Bytes go with their highest bit first; the first one names a register, and its highest
+   bit says that it is read. */
+typedef struct {
+    uint32_t most_hz;   /* of the clock, at any register */
+    uint8_t mode;       /* of the clock's polarity and phase, 0 to 3 */
+    uint8_t dummies;    /* bytes before what is read */
+    bool starts_as_i2c; /* until its chip select has risen once after power-on and after each reset, it answers nothing */
+    uint8_t i2c_off_reg, i2c_off; /* the register, and its bits, by which it no longer takes a bus for I2C; 0 = it has none */
+} gc_spi_t;
+
 typedef struct {
     void *context; /* passed to every callback */
 
-    /* Write and read registers of the part at a 7-bit address. Return 0, or the number of bytes read; negative on error. */
+    /* By I2C: write and read registers of the part at a 7-bit address. Return 0, or the number of bytes read; negative on error. */
     int (*bus_write)(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
     int (*bus_read)(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+    /* By SPI, instead of both: with the chip select of a die low (0, or 1 where a part has two), sends n_out bytes and then
+       receives n_in. Returns 0; negative on error. `how` tells clock and mode; the core has put the rest into `out`. */
+    int (*spi)(void *context, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in);
 
     /* Returns the microseconds since power-on; it never decreases. */
     uint64_t (*now_us)(void *context);

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#define START_UP_US 100000u  /* of the slowest part */
 #define RETRY_US 1000000u    /* time between attempts to set the sensor up */
 #define GIVE_UP_US 500000u   /* after this time without a good sample the sensor is set up again */
 #define IDLE_SLICE_US 20000u /* while there is no sensor, commands are read this often */
@@ -39,12 +40,33 @@ static int begin_sensor(gc_sampler_t *sampler) {
     return error;
 }
 
-void gc_sampler_set_up(gc_sampler_t *sampler) {
-    int error = begin_sensor(sampler);
-    if (sampler->parts != NULL && (error == GC_E_WRONG_ID || error == GC_E_ARGUMENT)) {
-        error = gc_part_find(sampler->parts, sampler->port, sampler->address, &sampler->part);
-        sampler->other = error == GC_OK;
+static int find_part(gc_sampler_t *sampler) {
+    const int error = gc_part_find(sampler->parts, sampler->port, sampler->address, &sampler->part);
+    sampler->other = error == GC_OK;
+    return error;
+}
+
+/* On SPI the part is asked first, because a set-up writes to whatever part is there; once more after its start-up, if that goes on. */
+static int find_and_begin(gc_sampler_t *sampler) {
+    const gc_port_t *port = sampler->port;
+    const gc_part_t *before = sampler->part;
+    if (sampler->parts != NULL && port->spi != NULL) {
+        int error = find_part(sampler);
+        if (error == GC_E_BUS_NACK) {
+            port->wait_until_us(port->context, now_us(sampler) + START_UP_US);
+            error = find_part(sampler);
+        }
+        if (error != GC_OK || sampler->part != before) {
+            return error;
+        }
+        sampler->other = false;
     }
+    const int error = begin_sensor(sampler);
+    return sampler->parts != NULL && (error == GC_E_WRONG_ID || error == GC_E_ARGUMENT) ? find_part(sampler) : error;
+}
+
+void gc_sampler_set_up(gc_sampler_t *sampler) {
+    const int error = find_and_begin(sampler);
     const uint64_t now = now_us(sampler);
     sampler->ready = error == GC_OK && !sampler->other;
     sampler->error = GC_OK;

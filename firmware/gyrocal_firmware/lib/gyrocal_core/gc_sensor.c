@@ -1,11 +1,13 @@
 #include "gc_sensor.h"
 
+#include "gc_bus.h"
 #include "gc_error.h"
 
 #include <math.h>
 #include <string.h>
 
 #define STALE_PERIODS 3.0 /* output periods without new data after which the part is at fault; chosen by judgement */
+#define FIND_HZ 1000000u /* of SPI, which every part bears */
 #define POLL_MARGIN 1.2 /* output rate over polling rate: a part that is polled at nearly its own rate often has nothing new */
 
 static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
@@ -62,22 +64,48 @@ bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps) {
     return range_of(part, full_scale_dps) != NULL;
 }
 
-bool gc_part_may_be_at(const gc_part_t *part, uint8_t address) {
-    return part->address[0] == address || part->address[1] == address;
+bool gc_part_may_be_at(const gc_part_t *part, const gc_port_t *port, uint8_t address) {
+    return port->spi != NULL ? part->spi[0] != NULL : part->address[0] == address || part->address[1] == address;
 }
 
-const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address) {
-    while (*parts != NULL && !gc_part_may_be_at(*parts, address)) {
+const gc_part_t *gc_part_at(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address) {
+    while (*parts != NULL && !gc_part_may_be_at(*parts, port, address)) {
         parts++;
     }
     return *parts;
 }
 
+/* Whatever part it is hears all that is asked, so that nothing is written. Ids at the end of the registers are asked for first: at
+   their beginning other parts have codes of the self-test, which may be any number. */
+static int find_on_spi(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found) {
+    int result = GC_E_BUS_NACK;
+    for (unsigned reg = 0x80; reg-- > 0u;) {
+        for (const gc_part_t *const *part = parts; *part != NULL; part++) {
+            if ((*part)->spi[0] == NULL || (*part)->id_reg != reg) {
+                continue;
+            }
+            gc_spi_t slow = *(*part)->spi[0];
+            slow.most_hz = FIND_HZ;
+            gc_sensor_t sensor = {.part = *part, .port = port, .spi = {&slow, NULL}};
+            const int error = gc_sensor_check_id(&sensor, 0, (*part)->id_reg, (*part)->id);
+            if (error == GC_OK) {
+                *found = *part;
+                return GC_OK;
+            }
+            result = error == GC_E_WRONG_ID ? error : result;
+        }
+    }
+    return result;
+}
+
 int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found) {
+    if (port->spi != NULL) {
+        return find_on_spi(parts, port, found);
+    }
     int result = GC_E_WRONG_ID;
     for (; *parts != NULL; parts++) {
         gc_sensor_t sensor = {.part = *parts, .port = port, .address = address};
-        const int error = gc_part_may_be_at(*parts, address) ? (*parts)->identify(&sensor) : GC_E_WRONG_ID;
+        const int error = gc_part_may_be_at(*parts, port, address) ? (*parts)->identify(&sensor) : GC_E_WRONG_ID;
         if (error == GC_OK) {
             *found = *parts;
             return GC_OK;
@@ -89,10 +117,14 @@ int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t a
 
 uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found) {
     *found = NULL;
+    if (port->spi != NULL) {
+        (void)find_on_spi(parts, port, found);
+        return *found != NULL ? (*found)->address[0] : parts[0]->address[0];
+    }
     for (size_t k = 0; k < 2u; k++) {
         for (const gc_part_t *const *part = parts; *part != NULL; part++) {
             const uint8_t address = (*part)->address[k];
-            const bool is_new = gc_part_at(parts, address) == *part;
+            const bool is_new = gc_part_at(parts, port, address) == *part;
             if (is_new && gc_part_find(parts, port, address, found) == GC_OK) {
                 return address;
             }
@@ -125,24 +157,35 @@ void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us) {
     sensor->port->wait_until_us(sensor->port->context, sensor->port->now_us(sensor->port->context) + us);
 }
 
-static int write_at(gc_sensor_t *sensor, uint8_t address, uint8_t reg, uint8_t value) {
-    return sensor->port->bus_write(sensor->port->context, address, reg, &value, 1) < 0 ? GC_E_BUS_NACK : GC_OK;
-}
-
-static int read_at(gc_sensor_t *sensor, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
-    const int got = sensor->port->bus_read(sensor->port->context, address, reg, data, n);
-    if (got < 0) {
-        return GC_E_BUS_NACK;
-    }
-    return (size_t)got == n ? GC_OK : GC_E_BUS_SHORT;
-}
-
 int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
-    return write_at(sensor, sensor->address, reg, value);
+    return gc_bus_write(sensor, 0, reg, &value, 1);
+}
+
+int gc_sensor_write_regs(gc_sensor_t *sensor, uint8_t reg, const uint8_t *data, size_t n) {
+    return gc_bus_write(sensor, 0, reg, data, n);
 }
 
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
-    return read_at(sensor, sensor->address, reg, data, n);
+    return gc_bus_read(sensor, 0, reg, data, n);
+}
+
+/* A first reading in vain takes a die that starts as one of I2C over to SPI. A line that nobody drives is high or low. */
+int gc_sensor_check_id(gc_sensor_t *sensor, unsigned die, uint8_t reg, uint8_t id) {
+    const gc_spi_t *spi = sensor->spi[die];
+    uint8_t found = 0;
+    if (spi != NULL && spi->starts_as_i2c) {
+        (void)gc_bus_read(sensor, die, reg, &found, 1);
+    }
+    const int error = gc_bus_read(sensor, die, reg, &found, 1);
+    if (error != GC_OK || found == id) {
+        return error;
+    }
+    return spi != NULL && (found == 0x00u || found == 0xFFu) ? GC_E_BUS_NACK : GC_E_WRONG_ID;
+}
+
+int gc_sensor_leave_i2c(gc_sensor_t *sensor) {
+    const gc_spi_t *spi = sensor->spi[0];
+    return spi != NULL ? gc_sensor_change_bits(sensor, spi->i2c_off_reg, 0, spi->i2c_off) : GC_OK;
 }
 
 int gc_sensor_wait_for_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t wanted, uint64_t look_us, uint64_t timeout_us) {
@@ -185,11 +228,11 @@ int gc_sensor_change_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_
 }
 
 int gc_sensor_write_other(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
-    return write_at(sensor, sensor->other_address, reg, value);
+    return gc_bus_write(sensor, 1, reg, &value, 1);
 }
 
 int gc_sensor_read_other(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
-    return read_at(sensor, sensor->other_address, reg, data, n);
+    return gc_bus_read(sensor, 1, reg, data, n);
 }
 
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other) {
@@ -209,6 +252,12 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     const gc_accel_t *accel = accel_of(part, setup->accel_g);
     if (odr == NULL || range == NULL || accel == NULL || !gc_part_low_pass_ok(part, setup->odr_hz, setup->low_pass)) {
         return GC_E_ARGUMENT;
+    }
+    if (port->spi != NULL && part->spi[0] == NULL) {
+        return GC_E_NO_SPI;
+    }
+    for (size_t die = 0; die < 2u; die++) {
+        sensor->spi[die] = port->spi != NULL ? part->spi[die] : NULL;
     }
     sensor->part = part;
     sensor->port = port;
@@ -236,7 +285,8 @@ int gc_sensor_self_test(gc_sensor_t *sensor, gc_self_test_t *result) {
     for (size_t i = 0; i < 3u; i++) {
         result->change_dps[i] = result->least_dps[i] = result->most_dps[i] = result->rest_dps[i] = NAN;
     }
-    return part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
+    const int error = part->self_test != NULL ? part->self_test(sensor, result) : GC_E_NO_SELF_TEST;
+    return error == GC_OK && !result->passed ? part->identify(sensor) : error; /* it may have gone */
 }
 
 /* Judges whether data stay away for too long, and finds the reason. */
@@ -257,6 +307,16 @@ static int check_now_and_then(gc_sensor_t *sensor, uint64_t now_us) {
     return gc_sensor_check_config(sensor, GC_E_CONFIG_LOST);
 }
 
+/* On SPI a part that has gone is not missed by the bus: its readings are all zeros or all ones. */
+static int check_presence(gc_sensor_t *sensor, const gc_sample_t *sample) {
+    const int16_t first = sample->gyro[0];
+    bool alike = first == 0 || first == -1;
+    for (size_t i = 0; i < 3u; i++) {
+        alike = alike && sample->gyro[i] == first && sample->acc[i] == first;
+    }
+    return alike && sensor->spi[0] != NULL ? gc_sensor_check_config(sensor, GC_E_CONFIG_LOST) : GC_OK;
+}
+
 int gc_sensor_ready(gc_sensor_t *sensor) {
     const gc_port_t *port = sensor->port;
     const uint64_t now_us = port->now_us(port->context);
@@ -275,6 +335,7 @@ int gc_sensor_read(gc_sensor_t *sensor, gc_sample_t *sample) {
     sample->fresh = ready == 1;
     if (sample->fresh) {
         error = sensor->part->read(sensor, sample);
+        error = error == GC_OK ? check_presence(sensor, sample) : error;
         /* Data that come from here on are new, however long the set-up took. */
         sensor->fresh_us = sensor->port->now_us(sensor->port->context);
     } else {
@@ -300,6 +361,9 @@ int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch) {
     batch->lost_known = false;
     batch->lost = 0;
     int error = sensor->part->fifo_read(sensor, batch);
+    if (error == GC_OK && batch->n > 0u) {
+        error = check_presence(sensor, &batch->sample[batch->n - 1u]);
+    }
     if (error == GC_OK) {
         error = judge_silence(sensor, batch->t_us);
     }

@@ -15,6 +15,7 @@ extern "C" {
 
 #define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
 #define GC_WATCHED_MAX 8u  /* registers */
+#define GC_WRITE_MAX 16u   /* bytes written at once: some boards' I2C buffers hold 32 */
 /* Faster samples leave the part through the FIFO alone, and the accelerometer's come at a slower rate: a bus of 400 kHz carries no
    more. Nor does the wire carry a stream of them. */
 #define GC_FIFO_ALONE_HZ 2000.0
@@ -87,8 +88,9 @@ typedef struct gc_sensor gc_sensor_t;
 /* A kind of sensor. The functions return GC_OK or an error of gc_error.h. */
 typedef struct {
     const char *name;
-    uint8_t address[2]; /* on the bus, by a pin of the part; the first is the usual one */
-    uint8_t id;         /* what its register WHO_AM_I holds; some parts share one */
+    uint8_t address[2]; /* on I2C, by a pin of the part; the first is the usual one */
+    const gc_spi_t *spi[2]; /* of its dies; NULL = there is none */
+    uint8_t id_reg, id; /* its register WHO_AM_I and what that holds; some parts share one */
     uint8_t traits;     /* the driver's own: in what the parts of its family differ */
     double lsb_g, lsb_c; /* of the accelerometer's least range */
     double noise_dps; /* typical standard deviation of one reading */
@@ -128,6 +130,7 @@ struct gc_sensor {
     const gc_port_t *port;
     uint8_t address;
     uint8_t other_address; /* of the part's second die, where it has one */
+    const gc_spi_t *spi[2]; /* the part's, where the port has SPI; else NULL */
     const gc_odr_t *odr;
     const gc_range_t *range;
     const gc_accel_t *accel;
@@ -158,16 +161,19 @@ double gc_part_odr_for(const gc_part_t *part, double rate_hz);
 bool gc_part_accel_ok(const gc_part_t *part, double accel_g);
 bool gc_part_low_pass_ok(const gc_part_t *part, double odr_hz, double low_pass);
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
-bool gc_part_may_be_at(const gc_part_t *part, uint8_t address);
-/* Returns the first part of a list, which ends with NULL, that may have the address; NULL if there is none. */
-const gc_part_t *gc_part_at(const gc_part_t *const *parts, uint8_t address);
+/* Whether the part may have the address; on SPI, which has none, whether it speaks that. */
+bool gc_part_may_be_at(const gc_part_t *part, const gc_port_t *port, uint8_t address);
+/* Returns the first part of a list, which ends with NULL, of which that is so; NULL if there is none. */
+const gc_part_t *gc_part_at(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address);
 /* Asks the part at the address which of a list it is. Returns GC_OK, GC_E_WRONG_ID (it is none of them) or an error of the bus. */
 int gc_part_find(const gc_part_t *const *parts, const gc_port_t *port, uint8_t address, const gc_part_t **found);
 /* Asks at each address that a part of the list may have, the usual ones first. Returns the first at which one of them answers, with
-   that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. */
+   that part; if none does, NULL and the first address asked, where a device then reports bus_nack until one does. On SPI the
+   address is the part's usual one and means nothing. */
 uint8_t gc_part_look(const gc_part_t *const *parts, const gc_port_t *port, const gc_part_t **found);
 
-/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for a set-up that the functions above do not allow. */
+/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for a set-up that the functions above do not allow, and
+   GC_E_NO_SPI for a part that does not speak the port's SPI. */
 int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, const gc_setup_t *setup);
 /* Returns 1 if new data wait, 0 if none do, negative on error. */
 int gc_sensor_ready(gc_sensor_t *sensor);
@@ -193,7 +199,13 @@ void gc_sensor_words_low_first(const uint8_t *data, int16_t out[3]);
 void gc_sensor_words_high_first(const uint8_t *data, int16_t out[3]);
 void gc_sensor_wait_us(const gc_sensor_t *sensor, uint64_t us);
 int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
+/* Up to GC_WRITE_MAX bytes. */
+int gc_sensor_write_regs(gc_sensor_t *sensor, uint8_t reg, const uint8_t *data, size_t n);
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
+/* Reads the id of a die, 0 or 1, and compares it. Returns GC_E_WRONG_ID if it is another, and GC_E_BUS_NACK if nothing answers. */
+int gc_sensor_check_id(gc_sensor_t *sensor, unsigned die, uint8_t reg, uint8_t id);
+/* On SPI: sets the bits by which the part no longer takes the bus for I2C. A reset clears them. */
+int gc_sensor_leave_i2c(gc_sensor_t *sensor);
 /* Looks every look_us until the bits of `mask` read `wanted`. Returns GC_E_RESET_TIMEOUT if they do not in time. */
 int gc_sensor_wait_for_bits(gc_sensor_t *sensor, uint8_t reg, uint8_t mask, uint8_t wanted, uint64_t look_us, uint64_t timeout_us);
 /* What `ready` returns where a look at the flag clears it. The reading clears data_wait. */

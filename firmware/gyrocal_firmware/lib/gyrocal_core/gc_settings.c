@@ -10,6 +10,7 @@
 /* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 to 0.6 ms and the look at the flag 0.1 ms,
    and a tenth of the samples at 1666 Hz was lost. */
 #define SINGLE_BELOW_HZ 1500.0
+#define I2C_MOST_HZ 4000.0 /* 63 bits a sample, and what is read beside them, fill a bus of 400 kHz beyond */
 #define FIFO_LONGEST_S 0.25 /* the longest batch: commands are read between two batches */
 
 static const char *const axes[] = {"x", "y", "z", NULL};
@@ -124,7 +125,7 @@ static bool within_ranges(const gc_settings_t *settings) {
     return true;
 }
 
-int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
+int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part, const gc_port_t *port) {
     const double odr_hz = gc_part_odr_for(part, settings->rate_hz);
     if (!within_ranges(settings) || !(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) ||
         !gc_part_accel_ok(part, settings->accel_g) || !gc_part_low_pass_ok(part, odr_hz, settings->low_pass) ||
@@ -133,6 +134,9 @@ int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
     }
     if (settings->fifo == 0.0) {
         return settings->rate_hz < SINGLE_BELOW_HZ ? GC_OK : GC_E_FIFO_NEEDED;
+    }
+    if (settings->rate_hz > I2C_MOST_HZ && port->spi == NULL) {
+        return GC_E_SPI_NEEDED;
     }
     return odr_hz == settings->rate_hz ? GC_OK : GC_E_FIFO_RATE;
 }

@@ -58,8 +58,9 @@ int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word,
 void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row, const gc_part_t *const *parts);
 /* Returns the part that was set, or NULL if its id tells. */
 const gc_part_t *gc_settings_part(const gc_settings_t *settings, const gc_part_t *const *parts);
-/* Checks the table's ranges and the abilities of the part. Returns GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE or GC_E_FIFO_NEEDED. */
-int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part);
+/* Checks the table's ranges and the abilities of the part and of the port's bus. Returns GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE,
+   GC_E_FIFO_NEEDED or GC_E_SPI_NEEDED. */
+int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part, const gc_port_t *port);
 
 /* Loads the settings that were kept, whatever the part is that they were made for. Leaves them as they are if there are none, or if
    they name a part that the list does not have. */

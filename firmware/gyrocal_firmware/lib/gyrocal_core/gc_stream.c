@@ -2,7 +2,7 @@
 
 #include "gc_format.h"
 
-static const char *const names[GC_STREAMS] = {"off", "raw", "teleplot", "corrected"};
+static const char *const names[GC_STREAMS] = {"off", "raw", "teleplot", "corrected", "packed"};
 
 gc_stream_t gc_stream_find(gc_text_t name) {
     unsigned i = 0;
@@ -17,7 +17,7 @@ const char *gc_stream_name(gc_stream_t stream) {
 }
 
 bool gc_stream_fits(gc_stream_t stream, double rate_hz) {
-    return stream == GC_STREAM_OFF || rate_hz <= GC_FIFO_ALONE_HZ;
+    return stream == GC_STREAM_OFF || stream == GC_STREAM_PACKED || rate_hz <= GC_FIFO_ALONE_HZ;
 }
 
 static void tell_teleplot(const gc_port_t *port, const gc_sensor_t *sensor, const gc_sample_t *sample) {
@@ -42,6 +42,10 @@ void gc_stream_tell(gc_stream_t stream, gc_teller_t *teller, const gc_sensor_t *
     }
     if (stream == GC_STREAM_TELEPLOT) {
         tell_teleplot(teller->port, sensor, sample);
+        return;
+    }
+    if (stream == GC_STREAM_PACKED) {
+        gc_tell_pack(teller, n, taken->t_us, sample);
         return;
     }
     gc_sentence_t *s = gc_tell_begin_at(teller, stream == GC_STREAM_RAW ? "RAW" : "GYR", taken->t_us);

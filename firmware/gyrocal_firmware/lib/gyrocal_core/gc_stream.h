@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-typedef enum { GC_STREAM_OFF, GC_STREAM_RAW, GC_STREAM_TELEPLOT, GC_STREAM_CORRECTED, GC_STREAMS } gc_stream_t;
+typedef enum { GC_STREAM_OFF, GC_STREAM_RAW, GC_STREAM_TELEPLOT, GC_STREAM_CORRECTED, GC_STREAM_PACKED, GC_STREAMS } gc_stream_t;
 
 /* Returns the stream of a name, or GC_STREAMS for an unknown one. */
 gc_stream_t gc_stream_find(gc_text_t name);

@@ -11,7 +11,27 @@ void gc_teller_init(gc_teller_t *teller, const gc_port_t *port, unsigned imu) {
     teller->imu = imu;
 }
 
+void gc_tell_packed(gc_teller_t *teller) {
+    char frame[GC_PACK_FRAME_MAX];
+    const unsigned samples = teller->pack.samples;
+    if (samples == 0u) {
+        return;
+    }
+    const size_t n = gc_pack_end(&teller->pack, frame);
+    if (teller->port->send(teller->port->context, frame, n) != (int)n) {
+        teller->lost += samples;
+    }
+}
+
+void gc_tell_pack(gc_teller_t *teller, int64_t number, uint64_t t_us, const gc_sample_t *sample) {
+    if (!gc_pack_takes(&teller->pack, number, t_us, sample)) {
+        gc_tell_packed(teller);
+    }
+    gc_pack_add(&teller->pack, teller->imu, teller->seq++, number, t_us, sample);
+}
+
 gc_sentence_t *gc_tell_begin_at(gc_teller_t *teller, const char tag[3], uint64_t t_us) {
+    gc_tell_packed(teller);
     gc_sentence_begin(&teller->sentence, tag, teller->seq++, t_us, teller->imu);
     return &teller->sentence;
 }

@@ -8,7 +8,7 @@
 #define TAIL 6 /* *CRC and line end */
 
 bool gc_wire_is_sample(const char *line, size_t n) {
-    return n > 4u && (line[0] == '>' || memcmp(line, "$RAW", 4) == 0 || memcmp(line, "$GYR", 4) == 0);
+    return n > 4u && (line[0] == '>' || line[0] == '\0' || memcmp(line, "$RAW", 4) == 0 || memcmp(line, "$GYR", 4) == 0);
 }
 
 uint16_t gc_wire_crc(const char *data, size_t n) {

@@ -14,7 +14,7 @@ extern "C" {
 #define GC_WIRE_MAX 320 /* bytes of a line, line end included */
 #define GC_WIRE_MAX_FIELDS 24
 
-/* Whether a line is one of the samples that a stream sends; the others answer commands or tell of runs. */
+/* Whether a line or a frame (gc_pack.h) is one of samples, which a stream sends; the others answer commands or tell of runs. */
 bool gc_wire_is_sample(const char *line, size_t n);
 
 /* CRC-16/CCITT-FALSE. */

@@ -1,8 +1,10 @@
-/* The device for C++17: a port is a class with these members, of which the last five may be left out.
+/* The device for C++17: a port is a class with these members, of which the last five may be left out; one by SPI has
+ * `spi` in place of the first two.
  *
  *     struct Board {
  *         bool write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
  *         bool read(uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+ *         bool spi(unsigned die, const gc_spi_t &how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in); // gc_port.h
  *         uint64_t now_us();
  *         void wait_until_us(uint64_t t_us);
  *         bool send(std::string_view text);                          // takes all of it, or none and returns false
@@ -38,6 +40,10 @@
 namespace gyrocal {
 
 namespace detail {
+template <typename B, typename = void> struct has_spi : std::false_type {};
+template <typename B>
+struct has_spi<B, std::void_t<decltype(std::declval<B &>().spi(0u, std::declval<const gc_spi_t &>(), nullptr, size_t{}, nullptr,
+                                                              size_t{}))>> : std::true_type {};
 template <typename B, typename = void> struct has_store : std::false_type {};
 template <typename B>
 struct has_store<B, std::void_t<decltype(std::declval<B &>().store("", nullptr, size_t{})),
@@ -56,12 +62,18 @@ template <typename Board> class Device {
 public:
     explicit Device(Board &board) : port_(), config_(), device_() {
         port_.context = &board;
-        port_.bus_write = [](void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
-            return of(context).write(address, reg, data, n) ? static_cast<int>(n) : -1;
-        };
-        port_.bus_read = [](void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
-            return of(context).read(address, reg, data, n) ? static_cast<int>(n) : -1;
-        };
+        if constexpr (detail::has_spi<Board>::value) {
+            port_.spi = [](void *context, unsigned die, const gc_spi_t *how, const uint8_t *out, size_t n_out, uint8_t *in, size_t n_in) {
+                return of(context).spi(die, *how, out, n_out, in, n_in) ? 0 : -1;
+            };
+        } else {
+            port_.bus_write = [](void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+                return of(context).write(address, reg, data, n) ? static_cast<int>(n) : -1;
+            };
+            port_.bus_read = [](void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+                return of(context).read(address, reg, data, n) ? static_cast<int>(n) : -1;
+            };
+        }
         port_.now_us = [](void *context) -> uint64_t { return of(context).now_us(); };
         port_.wait_until_us = [](void *context, uint64_t t_us) { of(context).wait_until_us(t_us); };
         port_.send = [](void *context, const char *data, size_t n) {

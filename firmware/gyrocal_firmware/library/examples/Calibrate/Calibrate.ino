@@ -7,17 +7,28 @@
  *     start down        and the same again
  *     stop
  *
+ * A sensor by SPI: GYROCAL_CS is the pin of its chip select, the others are those of the board's SPI (docs/first-hour.md).
+ *
  * The lines that begin with $CAL are the answers; CorrectedStream uses their scale and bias_dps. */
 #include <gyrocal_arduino.h>
 
+#if defined(GYROCAL_CS)
+static GyrocalPort board(SPI, GYROCAL_CS, &Serial);
+#else
 static GyrocalPort board(Wire, &Serial);
+#endif
 static gc_device_config_t config;
 static gc_device_t device;
 
 void setup() {
     Serial.begin(921600);
+#if defined(GYROCAL_CS)
+    SPI.begin();
+    board.begin_selects();
+#else
     Wire.begin();
     Wire.setClock(400000);
+#endif
     delay(100); /* start-up time of the slowest sensor */
     const uint8_t address = board.find(nullptr);
     config.port = board.port();
