@@ -15,7 +15,8 @@ import numpy as np
 
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.evidence.matrix import Index, Matrix
-from gyrocal.evidence.states import States, factor
+from gyrocal.evidence.states import States
+from gyrocal.inference.factors import with_prior
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -126,10 +127,12 @@ class Scales:
         forms = {e: start.get(e, (self.of_effect[e][0], SIZES - 1)) for e in sorted(effects)}
         inner = dict.fromkeys(forms, 0.0)
         places = self._likeliest(forms)
-        for _ in range(ROUNDS if len(forms) > 1 else 1):
+        beside: dict[str, Mapping[str, tuple[int, int]]] = {}
+        for _ in range(ROUNDS):
             for effect in forms:
                 others = {e: form for e, form in forms.items() if e != effect}
-                forms[effect], inner[effect] = self._chosen(effect, others, places)
+                if beside.get(effect) != others:
+                    beside[effect], (forms[effect], inner[effect]) = others, self._chosen(effect, others, places)
         return self._over_all(frozenset(effects), forms, sum(inner.values()))
 
     def gains(self, weighed: Weighed) -> dict[str, float]:
@@ -188,11 +191,11 @@ class Scales:
             inner = products[states[:, None, None], at[:, None], at]
             inner = inner.reshape(len(states), *[1] * (sd.ndim - 1), at.size, at.size)
             cross = products[states[:, None], at, 0].reshape(len(states), *[1] * (sd.ndim - 1), at.size)
-            chol = factor(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
-            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
+            root, logdet = with_prior(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
+            half = root @ (sd * cross)[..., None]
             shape = [len(states)] + [1] * (sd.ndim - 1)
-            chi2 = chi2.reshape(shape) - (half**2).sum(axis=-1)
-            weight = weight.reshape(shape) - np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+            chi2 = chi2.reshape(shape) - (half**2).sum(axis=(-1, -2))
+            weight = weight.reshape(shape) - 0.5 * logdet
         return np.asarray(weight - self._misfit(chi2))
 
     def _misfit(self, chi2: Array) -> Array:
@@ -218,10 +221,10 @@ class Scales:
         weight = self.states.log_weight[states]
         if size:
             scaled = sd[:, None] * products[states[:, None], at]
-            chol = factor(np.eye(size) + scaled[:, :, at] * sd)
-            half = np.linalg.solve(chol, scaled)[:, :, rows].swapaxes(1, 2)
+            root, logdet = with_prior(np.eye(size) + scaled[:, :, at] * sd)
+            half = (root @ scaled)[:, :, rows].swapaxes(1, 2)
             gram = gram - half.swapaxes(-1, -2) @ half
-            weight = weight - np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+            weight = weight - 0.5 * logdet
         power, turned = np.linalg.eigh(gram[..., 1:, 1:])
         cross = (gram[..., :1, 1:] @ turned)[..., 0, :] ** 2
         variance = (np.array(AMPLITUDES) * self.matrix.second_dps)[:, None] ** 2
@@ -258,11 +261,9 @@ class Scales:
             sd = np.array([self._sds[options[k]] for k in members])
             inner = products[at[:, :, None], at[:, None, :]][:, None]
             cross = products[at, 0][:, None]
-            chol = factor(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
-            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
-            chi2 = products[0, 0] - (half**2).sum(axis=-1)
-            logdet = np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-            out[members] = -logdet - self._misfit(chi2)
+            root, logdet = with_prior(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
+            half = root @ (sd * cross)[..., None]
+            out[members] = -0.5 * logdet - self._misfit(products[0, 0] - (half**2).sum(axis=(-1, -2)))
         return out
 
     def _over_all(self, effects: frozenset[str], forms: Mapping[str, tuple[int, int]], inner: float) -> Weighed:
@@ -351,6 +352,6 @@ def _conditioned(products: Array, at: Index, sd: Array) -> tuple[Array, float]:
     if not at.size:
         return products, 0.0
     rows = sd[:, None] * products[at]
-    chol = factor(np.eye(at.size) + rows[:, at] * sd)
-    half = np.linalg.solve(chol, rows)
-    return products - half.T @ half, -float(np.log(np.diag(chol)).sum())
+    root, logdet = with_prior(np.eye(at.size) + rows[:, at] * sd)
+    half = root @ rows
+    return products - half.T @ half, -0.5 * float(logdet)
