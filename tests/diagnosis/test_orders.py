@@ -118,6 +118,14 @@ def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: 
     assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]
 
 
+def test_at_one_rate_a_tone_too_small_for_a_ripple_of_any_table_is_told_with_it() -> None:
+    """The ripple of the same shape is simpler, and was left as the only one although no table's is as small."""
+    found = diagnose(simulate(None, "paper", ["order_tone:order=2,A_dps=0.003"], 3, scenarios=6, seconds=60.0)[0])
+    assert found.best is not None
+    assert found.verdict == "ambiguous"
+    assert set(found.best.group) >= {"order_tone", "table_ripple"}
+
+
 def test_runs_of_less_than_two_turns_tell_an_order_from_a_frequency() -> None:
     """Only the runs at 150 deg/s make two turns in 8 s, so that the spectrum over turns is of one rate."""
     session = simulate(None, "full", ["order_tone:order=4.25,A_dps=0.03"], 3, scenarios=2, seconds=8.0)[0]
@@ -199,6 +207,40 @@ def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     assert bool(tones) == named
     hints = [f for f in found.comparison.where if "the Earth's rate makes" in f.note]
     assert bool(hints) == (not named)
+
+
+def tilted(size_g: float = 0.0126) -> Session:
+    """A table that is not level: what lies in its plane turns once per turn through gravity."""
+    session, rng = simulate(None, "full", (), 3, scenarios=3, seconds=60.0)[0], np.random.default_rng(1)
+
+    def run_of(run: Run) -> Run:
+        angle_rad = table_angle_rad(run)
+        level_g = np.array([size_g * np.cos(angle_rad), size_g * np.sin(angle_rad), np.full(len(run), run.face_sign)])
+        x, y, z = level_g + rng.normal(0.0, 0.003, level_g.shape)
+        return replace(run, frame=run.table.with_columns(ax_g=x, ay_g=y, az_g=z))
+
+    return session.with_runs(map(run_of, session.runs))
+
+
+def test_gravity_in_the_plane_of_a_tilted_table_is_no_tone() -> None:
+    """Only the component along the table's axis was tried, and the rest of the same effect was named a tone of order 1."""
+    sizes = {"gx_dps_per_g": 0.11, "gy_dps_per_g": -0.2, "gz_dps_per_g": -0.065}
+    session = tilted()
+    session = with_terms(session, lambda r: {"z": r.acc_g @ np.array(list(sizes.values())) if r.acc_g is not None else 0.0})
+    named = {c.effect.id: c for c in diagnose(session).candidates if c.named and c.axis == "z"}
+    assert set(named) == {"g_sensitivity"}
+    for name, size in sizes.items():
+        assert named["g_sensitivity"].values[name] == pytest.approx(size, abs=4 * named["g_sensitivity"].se[name])
+
+
+def test_the_earth_s_rate_across_a_tilted_table_is_no_sensitivity_to_gravity() -> None:
+    """Both are waves once per turn, 40 degrees apart. Only gravity's phase is known."""
+    session = tilted()
+    session = session.with_runs(
+        replace(r, frame=r.table.with_columns(table_angle_deg=np.rad2deg(table_angle_rad(r)))) for r in session.runs
+    )
+    session = with_terms(session, lambda r: {"x": 0.0035 * np.cos(table_angle_rad(r) - np.deg2rad(40.0))})
+    assert not [c for c in diagnose(session).candidates if c.decision == "add" and c.axis == "x"]
 
 
 @pytest.mark.parametrize("aligned", [True, False])

@@ -1,6 +1,7 @@
 """Sessions by gravity compared, diagnosed and explained: planted effects are named, and nothing is named where nothing is."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,10 +14,11 @@ from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.gravity.compare import compare, residual_table
+from gyrocal.gravity.compare import compare, measure, residual_table
 from gyrocal.gravity.diagnose import add, diagnose, explain
 from gyrocal.gravity.fit import full
 from gyrocal.gravity.naming import _decided
+from gyrocal.gravity.scene import Scene
 from gyrocal.simulation.simulate import simulate
 
 pytestmark = pytest.mark.usefixtures("known_answers")
@@ -147,3 +149,19 @@ def test_a_name_must_gain_as_much_as_one_that_the_evidence_of_sets_alone_gives(g
     seen = Candidate(effect("scale_asymmetry"), "y", "reject", chance=1e-9, q_value=1e-6, gain=gain, gain_se=1.0, enough=True)
     (found,) = _decided([seen], cast(Any, Columns()))
     assert found.decision == decision
+
+
+def test_the_floor_of_two_power_cycles_is_that_of_their_noise() -> None:
+    """The rests of a cycle tell its offset, so that its spread, which two cycles hardly tell, is not in the floor."""
+    measured, expected = [], []
+    for seed in (1, 2, 4):
+        session, _ = simulate(campaign="hands", seed=seed, scenarios=40)
+        run, moved = session.runs[0], Scene.of(session).movements
+        middle = (moved[19].stop + moved[20].start) // 2
+        offset = (pl.col(f"g{axis}_dps") + 0.005 for axis in "xyz")
+        second = run.table[middle:].with_columns(pl.col("t_s") - run.table["t_s"][middle], *offset)
+        two = [replace(run, frame=run.table[:middle]), replace(run, file="001.csv", scenario="s001", frame=second)]
+        found = measure(session.with_runs(two), full(Model.open(None)))
+        measured += [level.rms_deg or 0.0 for level in found.per_axis.values()]
+        expected += [level.floor_deg or 0.0 for level in found.per_axis.values()]
+    assert float(np.sum(np.square(expected)) / np.sum(np.square(measured))) == pytest.approx(1.0, abs=0.3)

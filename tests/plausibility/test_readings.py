@@ -64,6 +64,18 @@ def test_standing_while_the_rate_moves(rate_hz: float, standing: int) -> None:
     assert [(w.code, w.axis) for w in told if w.blocking] == [("constant_reading", "z")]
 
 
+@pytest.mark.parametrize("hung", [False, True])
+def test_a_pause_of_a_movement_in_coarse_counts_is_no_hung_sensor(hung: bool) -> None:
+    """The movement and the noise of the reference were taken for noise that would show in each count."""
+    rng, t_s = np.random.default_rng(8), np.arange(6000) / 50.0
+    rate = 60 * np.sin(2.3 * t_s) * np.clip(np.sin(0.35 * t_s), 0.0, None) - 0.3
+    y = rounded(np.column_stack([0 * rate, 0 * rate, rate + 1.66]) + rng.normal(0.0, 0.017, (t_s.size, 3)), 0.065)
+    if hung:
+        y[200:240, 2] = y[200, 2]
+    told = check(make_session(make_run(t_s, y, rate_ref_dps=rate + rng.normal(0.0, 0.2, t_s.size), rate_hz=50.0)))
+    assert [(w.code, w.axis) for w in told if w.blocking] == ([("constant_reading", "z")] if hung else [])
+
+
 @pytest.mark.parametrize(
     ("known", "expected"),
     [({"table_rate_dps": 0.0}, []), ({"table_rate_dps": 78.0}, ["z"]), ({"table_rate_dps": None, "turn_deg": 360.0}, ["z"])],

@@ -41,6 +41,27 @@ def test_outliers_side_by_side_keep_their_size() -> None:
     assert apart_dps == pytest.approx(-2.24, abs=0.05)
 
 
+def test_many_of_one_size_are_found_also_several_in_a_row() -> None:
+    """Every seventh reading of a run near a border of the codes lacked a carry. More than a twentieth were no outliers."""
+    rng = np.random.default_rng(5)
+    y_dps = rng.normal(105.9, 0.016, 3_120)
+    torn = rng.random(y_dps.size) < 0.15
+    torn[:4] = torn[100:106] = True
+    y_dps[torn] -= 0.937
+    rows, apart_dps = outliers(y_dps, 0.00366)
+    np.testing.assert_array_equal(rows, np.flatnonzero(torn))
+    assert apart_dps == pytest.approx(-0.937, abs=0.1)
+
+
+@pytest.mark.parametrize("part", [0.1, 0.4])
+def test_many_of_any_size_and_the_rarer_of_two_values_are_none(part: float) -> None:
+    rng = np.random.default_rng(6)
+    y_dps = rng.normal(0.0, 0.01, 3_000)
+    off = rng.random(y_dps.size) < part
+    y_dps[off] += rng.uniform(0.2, 2.0, np.count_nonzero(off)) if part < 0.3 else 1.0
+    assert outliers(y_dps, 0.0)[0].size == 0
+
+
 def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slope() -> None:
     rng = np.random.default_rng(2)
     t_s = np.arange(20_000) / 145

@@ -8,12 +8,17 @@ from itertools import combinations
 import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.earth_rate import in_plane_dps
+from gyrocal.effects.mistaken import once_per_turn
 from gyrocal.effects.optional import CourseWithoutData
+from gyrocal.effects.order_tone import mean_wave_per_turn
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
 from gyrocal.recording.session import Array, Run
 
 COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
 LEAST_CHANGE_G = 0.05
+LEAST_TILT_G = 0.005
+"""Amplitude of a component once per turn, from which on a tilted table shows it. At 0.1 dps/g it makes 0.5 mdps."""
 
 
 class GSensitivity(Effect, CourseWithoutData):
@@ -75,10 +80,16 @@ class GSensitivity(Effect, CourseWithoutData):
         x, y, z = (values.get(name, 0.0) for name in COMPONENTS)
         return lambda rate_dps, temp_c, power_on_s, acc_g: x * acc_g[0] + y * acc_g[1] + z * acc_g[2]
 
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """The Earth's rate once per turn, on an axis in the plane of a table whose angle is known in each run."""
+        known = all(r.column("table_angle_deg") is not None for r in runs)
+        return [once_per_turn()] if known and in_plane_dps(runs, axis) > 0 else []
+
     def _moving(self, runs: Sequence[Run]) -> list[str]:
-        """Components whose mean over a tenth of a run changes by more than the noise between or within runs, with the pose."""
-        if not pose_changes(runs):
-            return []
-        means = [tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
-        moved_g = np.ptp(np.vstack(means), axis=0) if means else np.zeros(3)
-        return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G]
+        """Components that change by more than noise: between poses, or once per turn of a tilted table."""
+        moved_g = np.zeros(3)
+        if pose_changes(runs):
+            moved_g = np.ptp(np.vstack([tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]), axis=0)
+        waves_g = [w for r in runs if (acc_g := acceleration_g(r)) is not None for w in mean_wave_per_turn(r, acc_g)]
+        tilt_g = np.median(np.abs(waves_g), axis=0) if waves_g else np.zeros(3)
+        return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G or tilt_g[i] >= LEAST_TILT_G]

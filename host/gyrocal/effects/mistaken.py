@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
+from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack, table_angle_rad
 from gyrocal.effects.quantities import cosines, power_on_time_s, rate_about, slope_squared, temperature_c, warming_c
 from gyrocal.recording.session import Array, Run
 
@@ -63,6 +63,16 @@ def square_of_slope() -> Effect:
 def must_be_sure(other: Effect) -> bool:
     """True for what no physics suggests, and which must gain more than rounding before it contradicts a known effect."""
     return isinstance(other, _SquareOfSlope)
+
+
+def once_per_turn() -> Effect:
+    """A wave once per turn of the table's recorded angle, which may have another phase with the other face up."""
+
+    def columns(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        angle_rad, up = table_angle_rad(run), float(run.face_sign > 0)
+        return UNIT_DPS * stack(*(side * wave(angle_rad) for side in (up, 1 - up) for wave in (np.cos, np.sin)))
+
+    return _Mistaken(columns, 4)
 
 
 SETTLING = Parameter("tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", search=(3.0, 600.0))

@@ -74,12 +74,23 @@ def waves_per_turn(runs: Sequence[Run], axis: int, orders: Sequence[int]) -> NDA
     """Complex amplitudes [turning runs, orders] of measured minus true rate over whole turns of the table, deg/s."""
     out = []
     for run in runs:
-        turn = turned_turn(run) - turned_turn(run)[0] if turns(run) else np.zeros(len(run))
-        whole = np.abs(turn) < np.floor(np.abs(turn[-1:]).sum())
+        turn, whole = _whole_turns(run)
         if whole.any():
             rest_dps = _rest_dps(run, axis)[whole]
             out.append([2 * np.mean(rest_dps * np.exp(-2j * np.pi * k * turn[whole])) for k in orders])
     return np.array(out, dtype=complex).reshape(len(out), len(orders))
+
+
+def mean_wave_per_turn(run: Run, values: Array) -> list[NDArray[np.complex128]]:
+    """Complex amplitudes [k] once per turn of ``values`` [n, k], in a list; none of a run of less than a turn."""
+    turn, whole = _whole_turns(run)
+    return [2 * np.mean(values[whole] * np.exp(-2j * np.pi * turn[whole])[:, None], axis=0)] if whole.any() else []
+
+
+def _whole_turns(run: Run) -> tuple[Array, NDArray[np.bool_]]:
+    """The angle from the start of a run, shape [n], turns, and where it is within whole turns of a table that turns."""
+    turn = turned_turn(run) - turned_turn(run)[0] if turns(run) else np.zeros(len(run))
+    return turn, np.abs(turn) < np.floor(np.abs(turn[-1:]).sum())
 
 
 def over_turns(turning: Sequence[Run], residuals: Sequence[Array], axis: int) -> OrderSpectrum:

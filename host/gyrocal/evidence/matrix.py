@@ -115,14 +115,24 @@ class Matrix:
         n = float(np.median(np.concatenate([b.n for b in self.design.blocks])))
         return float(self.white_sd_dps * np.sqrt(self.design.extent_s[1] / n))
 
-    def grams(self, noise: Noise) -> tuple[Array, Array]:
-        """Whitened sums of products of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs]."""
+    @cached_property
+    def measured(self) -> Index:
+        """The columns of the model that are measured with noise."""
+        of_model = 1 + np.arange(len(self.design.layout.fixed), dtype=np.intp)
+        return of_model[self.noise_power[:, of_model].any(axis=0)]
+
+    def grams(self, noise: Noise, *, as_measured: bool = False) -> tuple[Array, Array]:
+        """Whitened sums of products of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs].
+
+        What the noise of the model's measured columns adds is taken out, unless they are wanted ``as_measured``.
+        """
         q = self.noise_power.shape[1]
         grams, logdet = np.zeros((len(self.design.blocks), q, q)), np.zeros(len(self.design.blocks))
         for index, summed in zip(self.design.alike, self.summed, strict=True):
             found, of_one = summed.normal_equations(noise)
             grams[index], logdet[index] = found, of_one
-        self._take_out_noise(grams, 1 / noise.white_sd_dps**2)
+        if not as_measured:
+            self._take_out_noise(grams, 1 / noise.white_sd_dps**2)
         for i, j in self._free:
             if grams[i, j, j] > 0:
                 own = grams[i, j].copy()
@@ -136,8 +146,7 @@ class Matrix:
         Columns of hypotheses keep theirs: beside each other they may be mostly noise, and nothing is left to subtract it from.
         """
         scale = self.role(Role.SCALE)
-        of_model = 1 + np.arange(len(self.design.layout.fixed))
-        for j in of_model[self.noise_power[:, of_model].any(axis=0)].tolist():
+        for j in self.measured.tolist():
             power = precision * self.noise_power[:, j]
             grams[:, j, j] -= power
             if j == scale:

@@ -28,6 +28,9 @@ SCALE_SPREADS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
 ABSENT = 0.5
 """Probability that a component of the noise is absent."""
 LEAST_NORM = 1e-9
+LEAST_OF_NOISE = 0.5
+"""Least part of a squared norm or of chi-square that the noise of measured columns leaves: more of it is not taken to be
+theirs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +58,30 @@ class States:
         for noise, log_prior in drifts:
             cycles, of_runs = _of_cycles(matrix, noise)
             total, of_columns = _beside(cycles, matrix.of_cycles, sds, matrix.shared)
-            products.append(total)
+            products.append(_told_from_noise(total, matrix, noise, sds) if matrix.measured.size else total)
             weights.append(log_prior + of_spread - 0.5 * (of_runs + of_columns))
             noises += [noise] * len(spreads)
         degrees, of_all = matrix.n - matrix.shared.size, tuple(sd for sd, _ in spreads) * len(drifts)
         return States(np.concatenate(products), np.concatenate(weights), degrees, tuple(noises), of_all)
 
 
-def _of_cycles(matrix: Matrix, noise: Noise) -> tuple[Array, float]:
+def _told_from_noise(products: Array, matrix: Matrix, noise: Noise, sds: Array) -> Array:
+    """Products [s, q, q] without the hypotheses of which the noise of the model's measured columns leaves too little to tell.
+
+    Where one has the shape of such a column, their difference is that noise. What is left of it after the noise is taken out
+    is as often negative as positive.
+    """
+    cycles, _ = _of_cycles(matrix, noise, as_measured=True)
+    measured, _ = _beside(cycles, matrix.of_cycles, sds, matrix.shared)
+    left, whole = (np.diagonal(of, axis1=-2, axis2=-1) for of in (products, measured))
+    told = left >= LEAST_OF_NOISE * whole
+    told[:, 0] = True
+    return np.where(told[:, :, None] & told[:, None, :], products, 0.0)
+
+
+def _of_cycles(matrix: Matrix, noise: Noise, *, as_measured: bool = False) -> tuple[Array, float]:
     """Products [cycles, q, q] of each power cycle without the coefficients of each run, and the log-determinant of all."""
-    grams, logdet = matrix.grams(noise)
+    grams, logdet = matrix.grams(noise, as_measured=as_measured)
     if matrix.of_runs.size:
         sd = matrix.fit.spreads.run[list(matrix.design.layout.run_group)]
         grams, of_runs = integrated(grams, matrix.of_runs, sd)

@@ -15,8 +15,8 @@ import numpy as np
 
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.evidence.matrix import Index, Matrix
-from gyrocal.evidence.states import States
-from gyrocal.inference.factors import with_prior
+from gyrocal.evidence.states import LEAST_OF_NOISE, States
+from gyrocal.inference.factors import inverse_factor
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -32,8 +32,6 @@ ROUNDS = 2
 LEAST_CHI2 = 1e-3
 """Least chi-square for each degree of freedom. Below it, more noise of measured columns was taken out than is there, and what
 is left says nothing."""
-LEAST_OF_NOISE = 0.5
-"""Least part of chi-square that the noise of measured columns leaves: more of it is not taken to be theirs."""
 
 
 @dataclass(frozen=True)
@@ -191,11 +189,11 @@ class Scales:
             inner = products[states[:, None, None], at[:, None], at]
             inner = inner.reshape(len(states), *[1] * (sd.ndim - 1), at.size, at.size)
             cross = products[states[:, None], at, 0].reshape(len(states), *[1] * (sd.ndim - 1), at.size)
-            root, logdet = with_prior(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
+            root, logs = _factor(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
             half = root @ (sd * cross)[..., None]
             shape = [len(states)] + [1] * (sd.ndim - 1)
             chi2 = chi2.reshape(shape) - (half**2).sum(axis=(-1, -2))
-            weight = weight.reshape(shape) - 0.5 * logdet
+            weight = weight.reshape(shape) - logs
         return np.asarray(weight - self._misfit(chi2))
 
     def _misfit(self, chi2: Array) -> Array:
@@ -221,14 +219,15 @@ class Scales:
         weight = self.states.log_weight[states]
         if size:
             scaled = sd[:, None] * products[states[:, None], at]
-            root, logdet = with_prior(np.eye(size) + scaled[:, :, at] * sd)
+            root, logs = _factor(np.eye(size) + scaled[:, :, at] * sd)
             half = (root @ scaled)[:, :, rows].swapaxes(1, 2)
             gram = gram - half.swapaxes(-1, -2) @ half
-            weight = weight - 0.5 * logdet
+            weight = weight - logs
         power, turned = np.linalg.eigh(gram[..., 1:, 1:])
-        cross = (gram[..., :1, 1:] @ turned)[..., 0, :] ** 2
+        power = np.maximum(power, 0.0)
+        cross = np.minimum((gram[..., :1, 1:] @ turned)[..., 0, :] ** 2, power * gram[..., :1, 0])  # Cauchy and Schwarz
         variance = (np.array(AMPLITUDES) * self.matrix.second_dps)[:, None] ** 2
-        grown = 1 + variance * np.maximum(power, 0.0)[..., None, :]
+        grown = 1 + variance * power[..., None, :]
         chi2 = gram[..., 0, 0, None] - (variance * cross[..., None, :] / grown).sum(axis=-1)
         return np.asarray(weight[:, None, None] - 0.5 * np.log(grown).sum(axis=-1) - self._misfit(chi2))
 
@@ -261,9 +260,9 @@ class Scales:
             sd = np.array([self._sds[options[k]] for k in members])
             inner = products[at[:, :, None], at[:, None, :]][:, None]
             cross = products[at, 0][:, None]
-            root, logdet = with_prior(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
+            root, logs = _factor(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
             half = root @ (sd * cross)[..., None]
-            out[members] = -0.5 * logdet - self._misfit(products[0, 0] - (half**2).sum(axis=(-1, -2)))
+            out[members] = -logs - self._misfit(products[0, 0] - (half**2).sum(axis=(-1, -2)))
         return out
 
     def _over_all(self, effects: frozenset[str], forms: Mapping[str, tuple[int, int]], inner: float) -> Weighed:
@@ -352,6 +351,22 @@ def _conditioned(products: Array, at: Index, sd: Array) -> tuple[Array, float]:
     if not at.size:
         return products, 0.0
     rows = sd[:, None] * products[at]
-    root, logdet = with_prior(np.eye(at.size) + rows[:, at] * sd)
+    root, log = _factor(np.eye(at.size) + rows[:, at] * sd)
     half = root @ rows
-    return products - half.T @ half, -0.5 * float(logdet)
+    return products - half.T @ half, -float(log)
+
+
+def _factor(information: Array) -> tuple[Array, Array]:
+    """Inverse Cholesky factors [..., k, k] of information with a prior, and the logarithms [...] of the factors' determinants.
+
+    With the prior, every direction is known with 1 at least. Where one is not, more noise of measured columns was taken out
+    than is there, and the logarithm is infinite: what is left of the data says nothing about these columns.
+    """
+    try:
+        root, logdet = inverse_factor(information)
+    except np.linalg.LinAlgError:
+        positive = np.linalg.eigvalsh(information)[..., :1, None] > 0.0
+        root, logdet = inverse_factor(np.where(positive, information, 0.5 * np.eye(information.shape[-1])))
+    pivots = 1 / np.diagonal(root, axis1=-2, axis2=-1)
+    sound = (pivots**2 >= 1 - np.sqrt(np.finfo(float).eps)).all(axis=-1)
+    return root, np.where(sound, 0.5 * logdet, np.inf)

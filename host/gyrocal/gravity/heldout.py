@@ -81,18 +81,22 @@ class HeldOut:
 
 
 def held_out(y: Array, x: Array, noise: Array, prior_sd: Sequence[float], cut: Folds, movement_rows: int) -> HeldOut:
-    """Predict each unit from all others. ``noise`` [rows, rows] is that of the rows, ``prior_sd`` [p] of the parameters."""
+    """Predict each unit from all others. ``noise`` [rows, rows] is that of the rows, ``prior_sd`` [p] of the parameters.
+
+    The other rows tell the parameters, and by the covariance of the noise also what the unit shares with them: the offset of
+    its power cycle, and the errors of the rests before and after (universal kriging).
+    """
     residual, variance = np.full(len(y), np.nan), np.full(len(y), np.nan)
     fourth = np.zeros(movement_rows // 2)
     likelihood = []
     for rows in cut.rows:
         left = np.setdiff1d(np.arange(len(y)), rows)
-        inner = noise[np.ix_(left, left)]
+        inner, shared = noise[np.ix_(left, left)], noise[np.ix_(left, rows)]
         theta, covariance = least_squares(y[left], x[left], inner, prior_sd)
-        gain = x[rows] @ covariance @ np.linalg.solve(inner, x[left]).T
-        shared = gain @ noise[np.ix_(left, rows)]
-        expected = noise[np.ix_(rows, rows)] + gain @ inner @ gain.T - shared - shared.T
-        residual[rows] = y[rows] - x[rows] @ theta
+        known = np.linalg.solve(inner, shared)
+        beside = x[rows] - known.T @ x[left]
+        expected = noise[np.ix_(rows, rows)] - known.T @ shared + beside @ covariance @ beside.T
+        residual[rows] = y[rows] - known.T @ y[left] - beside @ theta
         variance[rows] = np.diag(expected)
         moving = rows < movement_rows
         np.add.at(fourth, rows[moving] // 2, np.sum(expected[np.ix_(moving, moving)] ** 2, axis=1))

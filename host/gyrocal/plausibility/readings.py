@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from hashlib import blake2b
+from itertools import islice
 from math import erf, sqrt
 
 import numpy as np
@@ -101,24 +102,42 @@ def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool
 
 
 def _standing(session: Session, axis: int, runs: list[Run], level: float | None, noise_counts: float) -> list[Warning]:
-    """Stretches of half a second and more in which a reading is constant although the rate changes or the noise must show."""
+    """Stretches of half a second and more in which a reading is constant although the rate changes or the noise must show.
+
+    The longest one of each run is told.
+    """
     out = []
-    samples = sum(map(len, runs))
-    for run in runs:
-        y = run.gyro_dps[:, axis]
-        start, length = _longest(y, level)
-        if length < max(POLICY.least_standing, POLICY.standing_s * run.sample_rate_hz):
-            continue
+    samples, count_dps = sum(map(len, runs)), step_dps(session, axis)
+
+    def noise_must_show(y: Array, start: int, length: int) -> bool:
         rest = np.delete(y, slice(start, start + length))
         equal = float(np.mean(np.diff(rest) == 0)) if rest.size > 2 else 0.0
-        rare = samples * max(equal, _chance_of_equal(noise_counts)) ** (length - 1) < POLICY.standing_chance
-        if (noise_counts > POLICY.noise_shows_counts and rare) or _misses_the_rate(run, axis, start, start + length, session):
+        noise = min(noise_counts, _quiet_counts(rest, length, count_dps))
+        rare = samples * max(equal, _chance_of_equal(noise)) ** (length - 1) < POLICY.standing_chance
+        return noise > POLICY.noise_shows_counts and rare
+
+    for run in runs:
+        y = run.gyro_dps[:, axis]
+        constant = _constant(y, level, max(POLICY.least_standing, POLICY.standing_s * run.sample_rate_hz))
+        hung = (
+            (start, length) for k, (start, length) in enumerate(constant)
+            if (k == 0 and noise_must_show(y, start, length)) or _misses_the_rate(run, axis, start, start + length, session)
+        )  # fmt: skip
+        for start, length in islice(hung, 1):
             text = (
                 f"{AXES[axis]} stands still at {y[start]:.6g} dps for {length / run.sample_rate_hz:.2g} s from "
                 f"{run.t_s[start]:.4g} s on. The sensor or its driver hung: cut the stretch out, or record the run again"
             )
             out.append(Warning("constant_reading", AXES[axis], run.file, text, True))
     return out
+
+
+def _quiet_counts(y: Array, length: int, count_dps: float) -> float:
+    """Noise of one sample in the quietest tenth of the stretches of some length, counts: elsewhere the part may be moving."""
+    parts = y[: y.size // length * length].reshape(-1, length)
+    if length < 3 or not len(parts) or count_dps <= 0:
+        return np.inf
+    return float(np.quantile(np.std(np.diff(parts, 2), axis=1), 0.1)) / 6**0.5 / count_dps
 
 
 def _chance_of_equal(noise_counts: float) -> float:
@@ -128,25 +147,24 @@ def _chance_of_equal(noise_counts: float) -> float:
 
 def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
     """True if a reading that follows the rate elsewhere is constant between two rows while the rate changes, despite delays."""
-    if run.axis_index != axis or run.rate_is_mean or np.ptp(run.rate_dps) == 0:
+    late = longest_lag(run)
+    if not _moves(run, axis, start + late, stop - late, session) or stop - start <= 2 * late:
         return False
     rest = np.ones(len(run), dtype=bool)
     rest[start:stop] = False
     y, rate = run.gyro_dps[rest, axis], run.rate_dps[rest]
     about = rate - rate.mean() if rate.size else rate
-    follows = float(about @ about) > 0 and abs(float(about @ y) / float(about @ about)) > POLICY.follows_at_all
-    late = longest_lag(run)
-    return follows and stop - start > 2 * late and _moves(run, axis, start + late, stop - late, session)
+    return float(about @ about) > 0 and abs(float(about @ y) / float(about @ about)) > POLICY.follows_at_all
 
 
-def _longest(y: Array, level: float | None) -> tuple[int, int]:
-    """First row and length in samples of the longest sequence of equal readings, except readings at the limit."""
+def _constant(y: Array, level: float | None, least: float) -> list[tuple[int, int]]:
+    """First row and length of each sequence of at least so many equal readings that are not at the limit, longest first."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     lengths = np.diff(edges)
     if level is not None:
         lengths = np.where(np.abs(y[edges[:-1]]) > level - 1e-6, 0, lengths)
-    k = int(np.argmax(lengths))
-    return int(edges[k]), int(lengths[k])
+    order = np.argsort(-lengths, kind="stable")
+    return [(int(edges[k]), int(lengths[k])) for k in order[: np.count_nonzero(lengths >= least)]]
 
 
 def _at(value: float, level: float | None) -> bool:

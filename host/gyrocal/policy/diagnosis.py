@@ -187,7 +187,7 @@ class Diagnosis:
         chosen_by="convention; its role in the verdicts is chosen by judgement",
     )  # fmt: skip
     measurable: float = threshold(
-        0.01, "fraction of a candidate's squared norm that must be independent of the model's own columns",
+        0.005, "fraction of a candidate's squared norm that must be independent of the model's own columns",
         larger="effects that a session could show are called not measurable",
         smaller="a parameter is fitted to rounding errors of its columns",
     )  # fmt: skip

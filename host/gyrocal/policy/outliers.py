@@ -22,6 +22,16 @@ class Outliers:
         larger="if the readings have two modes, one of them is removed",
         smaller="the errors of a bus that often loses bits remain in the fit",
     )  # fmt: skip
+    most_of_one_size: float = threshold(
+        0.3, "largest fraction of a run's readings that count as outliers if all are off by the same size",
+        larger="the rarer of two values between which readings change is removed",
+        smaller="a carry that is lost near a border of the codes in every fourth reading remains in the fit",
+    )  # fmt: skip
+    one_size_spreads: float = threshold(
+        20.0, "standard deviations of the noise by which they are off at least",
+        larger="lost bits of a noisy sensor remain in the fit",
+        smaller="a coarse step of the readings, whose two values noise alternates, looks the same",
+    )  # fmt: skip
     large_spreads: float = threshold(
         4.0, "standard deviations from which on deviations show the tail of the noise, for what is to be expected beyond",
         larger="few readings tell the tail", smaller="the body of the noise decides on its tail",

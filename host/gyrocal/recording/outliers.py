@@ -16,6 +16,8 @@ from gyrocal.tails import ROBUST
 
 NEIGHBOURS = 7
 """Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
+WIDE = 63
+"""Readings over whose median those are looked for of which several in a row may be off."""
 STANDS_OUT = POLICY.outlier_spreads
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -36,7 +38,26 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     spread = spread_of(level, apart, step_dps)
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
     rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
-    return (rows, _whole(y_dps, rows, nearer[rows])) if 0 < rows.size <= POLICY.most_outliers * y_dps.size else nothing
+    if rows.size > POLICY.most_outliers * y_dps.size:
+        return _of_one_size(y_dps, spread) or nothing
+    return (rows, _whole(y_dps, rows, nearer[rows])) if rows.size else nothing
+
+
+def _of_one_size(y_dps: Array, spread_dps: float) -> tuple[Index, Array] | None:
+    """Many readings that are all off by the same size, as those that lack a bit, with their deviations; None if there are none.
+
+    Nearly no reading lies between them and the others.
+    """
+    from scipy.ndimage import median_filter
+
+    apart_dps = y_dps - median_filter(y_dps, WIDE, mode="mirror")
+    rows = np.flatnonzero(np.abs(apart_dps) > POLICY.one_size_spreads * spread_dps)
+    if not 0 < rows.size <= POLICY.most_of_one_size * y_dps.size:
+        return None
+    size_dps = float(np.median(np.abs(apart_dps[rows])))
+    away = np.abs(apart_dps) > STANDS_OUT * spread_dps
+    others = int(np.count_nonzero(away & (np.abs(np.abs(apart_dps) - size_dps) > STANDS_OUT * spread_dps)))
+    return (rows, apart_dps[rows]) if others <= POLICY.most_outliers * rows.size else None
 
 
 def _whole(y_dps: Array, rows: Index, apart_dps: Array) -> Array:

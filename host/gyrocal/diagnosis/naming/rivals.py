@@ -22,7 +22,8 @@ def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = Non
     ``excludes`` says whether a fit of both shows that the first candidate acts and the second does not.
 
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
-    shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
+    shape, the simpler one is preferred unless the other gains enough for each further parameter, or the simpler one alone is
+    smaller than any known one. A candidate that reached only
     ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one. So is an effect that the session
     cannot measure, if what is known of its course has the same shape. An effect of a size that no sensor has is no rival.
     """
@@ -76,7 +77,7 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate], excludes: Excludes | Non
         same = overlap > POLICY.same_shape
         if overlap <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
             continue
-        if same and rival.parameters < c.parameters and rival.decision == "add":
+        if same and rival.parameters < c.parameters and rival.decision == "add" and c.tiny >= rival.tiny:
             return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
         if same and rival.parameters > c.parameters:
             continue
