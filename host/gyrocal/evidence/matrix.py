@@ -65,9 +65,13 @@ class Matrix:
         edges = first + np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
         own = [np.arange(low, high, dtype=np.intp) for low, high in pairwise(edges)]
         free, at, beyond, left = _parted(own, len(registered), len(options), len(further))
-        cell_s = _cell_s(design)
+        cell_s, lacking = _cell_s(design), [_lacking(form, design) for form in forms]
+
+        def columns(i: int) -> Array:
+            return _columns(fit, i, forms, lacking, shapes, released)
+
         summed = [
-            Summed.of((_columns(fit, i, forms, shapes, released) for i in index), b.t_s, b.precision, cell_s, design.color)
+            Summed.of(map(columns, index), b.t_s, b.precision, cell_s, design.color)
             for index, b in ((index, design.blocks[index[0]]) for index in design.alike)
         ]
         power = [_noise_power(design, i, forms, int(edges[-1])) for i in range(len(design.blocks))]
@@ -177,17 +181,16 @@ def _lacking(option: Form, design: Design) -> list[bool]:
 
 
 def _columns(
-    fit: AxisFit, i: int, forms: Sequence[Form], shapes: Sequence[Shape], released: Set[str]
+    fit: AxisFit, i: int, forms: Sequence[Form], lacking: Sequence[Sequence[bool]], shapes: Sequence[Shape], released: Set[str]
 ) -> Array:  # fmt: skip
-    """All columns of one run as block means, shape [q, m]."""
+    """All columns of one run as block means, shape [q, m]; ``lacking`` says of each form which runs lack its data."""
     b, own = fit.design.blocks[i], fit.design.columns(i)
     for j, (t, _) in enumerate(fit.design.layout.fixed):
         if fit.design.terms[t].effect_id in released:  # the readings as they are without what the timing took out
             own[0] += fit.design.origin[j] * own[1 + j]
     rows = [own]
-    for form in forms:
-        lacks = _lacking(form, fit.design)[i]
-        found = np.zeros((b.t_s.size, len(form.sizes))) if lacks else b.mean(form.columns(b.run, fit.design.axis))
+    for form, lacks in zip(forms, lacking, strict=True):
+        found = np.zeros((b.t_s.size, len(form.sizes))) if lacks[i] else b.mean(form.columns(b.run, fit.design.axis))
         rows.append((found * form.unit).T)
     rows += [b.mean(shape.columns(b.run)).T for shape in shapes]
     return np.concatenate(rows)
