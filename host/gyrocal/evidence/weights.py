@@ -61,6 +61,8 @@ class Weighed:
     """The likeliest rest in it, None if nothing is left over."""
     bare: Array
     """The probability [s] of each state if nothing is left over."""
+    places: Sequence[tuple[int, Rest | None]]
+    """The likeliest states, with and without the likeliest rests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,7 @@ class Scales:
 
     def gains(self, weighed: Weighed) -> dict[str, float]:
         """The logarithm of the factor by which each other effect raises a set's evidence, in the likeliest states."""
-        places = self._likeliest(weighed.forms)[::2]
+        places = weighed.places[::2]
         base = -np.inf
         out = dict.fromkeys((e for e in self.of_effect if e not in weighed.effects), -np.inf)
         for state, rest in places:
@@ -157,9 +159,12 @@ class Scales:
         at, sd = self._columns(forms)
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
         near = self._near(bare)
+        return self._places(near, self._with_rests(near, at, sd) if self.rests else None)
+
+    def _places(self, near: Index, beside: Array | None) -> list[tuple[int, Rest | None]]:
+        """The first of the states ``near``, and those of the likeliest rests by their evidence ``beside`` them [s, rests]."""
         places: list[tuple[int, Rest | None]] = [(int(s), None) for s in near[:STATES]]
-        if self.rests:
-            beside = self._with_rests(near, at, sd)
+        if beside is not None:
             for flat in np.argsort(beside, axis=None)[::-1][:STATES].tolist():
                 s, r = np.unravel_index(flat, beside.shape)
                 places.append((int(near[s]), self.rests[int(r)]))
@@ -273,8 +278,8 @@ class Scales:
         split: dict[int | None, float] = {None: _logsum(bare) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)}
         state, rest = int(np.argmax(bare)), None
         top = float(bare.max()) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)
+        near, logs = self._near(bare), None
         if self.rests:
-            near = self._near(bare)
             logs = self._with_rests(near, at, sd)
             for k in dict.fromkeys(r.shape for r in self.rests):
                 split[k] = _logsum(logs[:, [i for i, r in enumerate(self.rests) if r.shape == k]])
@@ -283,7 +288,7 @@ class Scales:
                 state, rest = int(near[s]), self.rests[int(r)]
         split = {k: value + inner for k, value in split.items()}
         total, of_state = _logsum(np.array(list(split.values()))), np.exp(bare - _logsum(bare))
-        return Weighed(effects, dict(forms), total, split, state, rest, of_state)
+        return Weighed(effects, dict(forms), total, split, state, rest, of_state, self._places(near, logs))
 
     def _of_noise(self, state: int, at: Index, sd: Array) -> float:
         """The logarithm of what a set loses because the noise of its measured columns adds to the misfit, with fitted sizes."""
