@@ -74,10 +74,16 @@ class ThermalHysteresis(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.temp_c is None:
             return np.zeros((len(run), 1))
-        t_s, half_c = temperature_by_second(run)[0], values["width_c"] / 2
-        course_c = _course_c(run)
-        branch = (course_c - play_c(course_c, half_c, values.get("start", 0.0))) / half_c
-        return stack(np.interp(run.t_s, t_s, branch[-t_s.size :]))
+        branch = _branch(run, values["width_c"] / 2, values.get("start", 0.0))
+        return stack(np.interp(run.t_s, temperature_by_second(run)[0], branch))
+
+
+@once_a_run
+def _branch(run: Run, half_c: float, start: float) -> Array:
+    """How far the temperature of each second is from the middle of the play, in halves of its width, shape [m]."""
+    course_c = _course_c(run)
+    apart = (course_c - play_c(course_c, half_c, start)) / half_c
+    return apart[-temperature_by_second(run)[0].size :].copy()
 
 
 def _course_c(run: Run) -> Array:

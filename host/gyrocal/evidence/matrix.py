@@ -69,12 +69,16 @@ class Matrix:
         edges = first + np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
         own = [np.arange(low, high, dtype=np.intp) for low, high in pairwise(edges)]
         free, at, beyond, left = _parted(own, len(registered), len(options), len(further))
-        cell_s = _cell_s(design)
+        cell_s, lacking = _cell_s(design), [_lacking(form, design) for form in forms]
+
+        def columns(i: int) -> Array:
+            return _columns(fit, i, forms, lacking, shapes, released)
+
         summed = [
-            Summed.of((_columns(fit, i, forms, shapes, released) for i in index), b.t_s, b.precision, cell_s, design.color)
+            Summed.of(map(columns, index), b.t_s, b.precision, cell_s, design.color)
             for index, b in ((index, design.blocks[index[0]]) for index in design.alike)
         ]
-        noise = [_noise(design, i, forms, shapes, int(edges[-1])) for i in range(len(design.blocks))]
+        noise = [_noise(design, i, forms, lacking, shapes, int(edges[-1])) for i in range(len(design.blocks))]
         white = fit.noise.white_sd_dps if white_sd_dps is None else white_sd_dps
         return Matrix(
             fit, white, frozenset(released), np.concatenate([np.zeros(0, dtype=np.intp), *free]), tuple(options), tuple(shapes),
@@ -168,26 +172,30 @@ def _lacking(option: Form, design: Design) -> list[bool]:
 
 
 def _columns(
-    fit: AxisFit, i: int, forms: Sequence[Form], shapes: Sequence[Shape], released: Set[str]
+    fit: AxisFit, i: int, forms: Sequence[Form], lacking: Sequence[Sequence[bool]], shapes: Sequence[Shape], released: Set[str]
 ) -> Array:  # fmt: skip
-    """All columns of one run as block means, shape [q, m]."""
+    """All columns of one run as block means, shape [q, m]; ``lacking`` says of each form which runs lack its data."""
     b, own = fit.design.blocks[i], fit.design.columns(i)
     for j, (t, _) in enumerate(fit.design.layout.fixed):
         if fit.design.terms[t].effect_id in released:  # the readings as they are without what the timing took out
             own[0] += fit.design.origin[j] * own[1 + j]
-    return np.concatenate([own, *_further(fit.design, i, forms, shapes, b.run)])
+    return np.concatenate([own, *_further(fit.design, i, forms, lacking, shapes, b.run)])
 
 
-def _further(design: Design, i: int, forms: Sequence[Form], shapes: Sequence[Shape], run: Run) -> list[Array]:
+def _further(
+    design: Design, i: int, forms: Sequence[Form], lacking: Sequence[Sequence[bool]], shapes: Sequence[Shape], run: Run
+) -> list[Array]:  # fmt: skip
     """The columns of forms and shapes in one run as block means, each [k, m]; ``run`` is that run, or with another rate."""
     b, rows = design.blocks[i], []
-    for form in forms:
-        found = np.zeros((b.t_s.size, len(form.sizes))) if _lacking(form, design)[i] else b.mean(form.columns(run, design.axis))
+    for form, lacks in zip(forms, lacking, strict=True):
+        found = np.zeros((b.t_s.size, len(form.sizes))) if lacks[i] else b.mean(form.columns(run, design.axis))
         rows.append((found * form.unit).T)
     return rows + [b.mean(shape.columns(run)).T for shape in shapes]
 
 
-def _noise(design: Design, i: int, forms: Sequence[Form], shapes: Sequence[Shape], size: int) -> tuple[Array, Array]:
+def _noise(
+    design: Design, i: int, forms: Sequence[Form], lacking: Sequence[Sequence[bool]], shapes: Sequence[Shape], size: int
+) -> tuple[Array, Array]:  # fmt: skip
     """What noise adds in one run to the square of each column, shape [q], and to the products it is taken out of, [q, q]."""
     power, products, b = np.zeros(size), np.zeros((size, size)), design.blocks[i]
     if not b.t_s.size:
@@ -204,7 +212,7 @@ def _noise(design: Design, i: int, forms: Sequence[Form], shapes: Sequence[Shape
         at += len(form.sizes)
     of_rate = design.rate_noises[i]
     if of_rate is not None:
-        faster, run = (np.concatenate(_further(design, i, forms, shapes, r)) for r in (with_faster_rate(b.run), b.run))
+        faster, run = (np.concatenate(_further(design, i, forms, lacking, shapes, r)) for r in (with_faster_rate(b.run), b.run))
         rows = np.zeros((size, b.t_s.size))
         rows[:fixed], rows[first:] = design.rate_slopes(i), (faster - run) / RATE_STEP_DPS
         shared = (rows * of_rate.power) @ rows.T

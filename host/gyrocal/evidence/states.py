@@ -14,6 +14,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role
 from gyrocal.evidence.matrix import Index, Matrix
+from gyrocal.inference.factors import with_prior
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
 
@@ -96,19 +97,6 @@ def beside_model(matrix: Matrix, noise: Noise, spreads: Sequence[float]) -> Arra
     return _beside(cycles, matrix.of_cycles, np.array([spreads]), matrix.shared)[0][0]
 
 
-def factor(information: Array) -> Array:
-    """Cholesky factors [..., k, k] of information with a prior, whose eigenvalues are 1 at least.
-
-    Where the expected noise of measured columns was more than is there, what is left of the data says nothing.
-    """
-    try:
-        return np.asarray(np.linalg.cholesky(information))
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(information)
-        known = (vectors * np.maximum(values, 1.0)[..., None, :]) @ vectors.swapaxes(-1, -2)
-        return np.asarray(np.linalg.cholesky(known))
-
-
 def integrated(grams: Array, columns: Index, sd: Array) -> tuple[Array, Array]:
     """Products [r, q, q] without ``columns`` [k] whose coefficients are ~ N(0, sd^2), and log-determinants [r]."""
     if not columns.size or not np.any(sd):
@@ -122,9 +110,8 @@ def _taken(grams: Array, columns: Index, sd: Array) -> tuple[Array, Array]:
     and log-determinants [..., r].
     """
     rows = sd[..., :, None] * grams[:, columns]
-    chol = factor(np.eye(columns.size) + rows[..., columns] * sd[..., None, :])
-    logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-    return np.asarray(np.linalg.solve(chol, rows)), np.asarray(logdet)
+    root, logdet = with_prior(np.eye(columns.size) + rows[..., columns] * sd[..., None, :])
+    return root @ rows, logdet
 
 
 def _beside(cycles: Array, columns: Index, sds: Array, free: Index) -> tuple[Array, Array]:

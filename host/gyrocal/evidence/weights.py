@@ -16,6 +16,7 @@ import numpy as np
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.evidence.matrix import Index, Matrix
 from gyrocal.evidence.states import LEAST_OF_NOISE, States
+from gyrocal.inference.factors import inverse_factor
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -60,6 +61,8 @@ class Weighed:
     """The likeliest rest in it, None if nothing is left over."""
     bare: Array
     """The probability [s] of each state if nothing is left over."""
+    places: Sequence[tuple[int, Rest | None]]
+    """The likeliest states, with and without the likeliest rests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,15 +127,17 @@ class Scales:
         forms = {e: start.get(e, (self.of_effect[e][0], SIZES - 1)) for e in sorted(effects)}
         inner = dict.fromkeys(forms, 0.0)
         places = self._likeliest(forms)
-        for _ in range(ROUNDS if len(forms) > 1 else 1):
+        beside: dict[str, Mapping[str, tuple[int, int]]] = {}
+        for _ in range(ROUNDS):
             for effect in forms:
                 others = {e: form for e, form in forms.items() if e != effect}
-                forms[effect], inner[effect] = self._chosen(effect, others, places)
+                if beside.get(effect) != others:
+                    beside[effect], (forms[effect], inner[effect]) = others, self._chosen(effect, others, places)
         return self._over_all(frozenset(effects), forms, sum(inner.values()))
 
     def gains(self, weighed: Weighed) -> dict[str, float]:
         """The logarithm of the factor by which each other effect raises a set's evidence, in the likeliest states."""
-        places = self._likeliest(weighed.forms)[::2]
+        places = weighed.places[::2]
         base = -np.inf
         out = dict.fromkeys((e for e in self.of_effect if e not in weighed.effects), -np.inf)
         for state, rest in places:
@@ -154,9 +159,12 @@ class Scales:
         at, sd = self._columns(forms)
         bare = self._logs(np.arange(len(self.states.log_weight)), at, sd)
         near = self._near(bare)
+        return self._places(near, self._with_rests(near, at, sd) if self.rests else None)
+
+    def _places(self, near: Index, beside: Array | None) -> list[tuple[int, Rest | None]]:
+        """The first of the states ``near``, and those of the likeliest rests by their evidence ``beside`` them [s, rests]."""
         places: list[tuple[int, Rest | None]] = [(int(s), None) for s in near[:STATES]]
-        if self.rests:
-            beside = self._with_rests(near, at, sd)
+        if beside is not None:
             for flat in np.argsort(beside, axis=None)[::-1][:STATES].tolist():
                 s, r = np.unravel_index(flat, beside.shape)
                 places.append((int(near[s]), self.rests[int(r)]))
@@ -186,10 +194,10 @@ class Scales:
             inner = products[states[:, None, None], at[:, None], at]
             inner = inner.reshape(len(states), *[1] * (sd.ndim - 1), at.size, at.size)
             cross = products[states[:, None], at, 0].reshape(len(states), *[1] * (sd.ndim - 1), at.size)
-            chol, logs = _factor(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
-            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
+            root, logs = _factor(np.eye(at.size) + sd[..., :, None] * inner * sd[..., None, :])
+            half = root @ (sd * cross)[..., None]
             shape = [len(states)] + [1] * (sd.ndim - 1)
-            chi2 = chi2.reshape(shape) - (half**2).sum(axis=-1)
+            chi2 = chi2.reshape(shape) - (half**2).sum(axis=(-1, -2))
             weight = weight.reshape(shape) - logs
         return np.asarray(weight - self._misfit(chi2))
 
@@ -216,8 +224,8 @@ class Scales:
         weight = self.states.log_weight[states]
         if size:
             scaled = sd[:, None] * products[states[:, None], at]
-            chol, logs = _factor(np.eye(size) + scaled[:, :, at] * sd)
-            half = np.linalg.solve(chol, scaled)[:, :, rows].swapaxes(1, 2)
+            root, logs = _factor(np.eye(size) + scaled[:, :, at] * sd)
+            half = (root @ scaled)[:, :, rows].swapaxes(1, 2)
             gram = gram - half.swapaxes(-1, -2) @ half
             weight = weight - logs
         power, turned = np.linalg.eigh(gram[..., 1:, 1:])
@@ -257,10 +265,9 @@ class Scales:
             sd = np.array([self._sds[options[k]] for k in members])
             inner = products[at[:, :, None], at[:, None, :]][:, None]
             cross = products[at, 0][:, None]
-            chol, logs = _factor(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
-            half = np.linalg.solve(chol, (sd * cross)[..., None])[..., 0]
-            chi2 = products[0, 0] - (half**2).sum(axis=-1)
-            out[members] = -logs - self._misfit(chi2)
+            root, logs = _factor(np.eye(at.shape[1]) + sd[..., :, None] * inner * sd[..., None, :])
+            half = root @ (sd * cross)[..., None]
+            out[members] = -logs - self._misfit(products[0, 0] - (half**2).sum(axis=(-1, -2)))
         return out
 
     def _over_all(self, effects: frozenset[str], forms: Mapping[str, tuple[int, int]], inner: float) -> Weighed:
@@ -271,8 +278,8 @@ class Scales:
         split: dict[int | None, float] = {None: _logsum(bare) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)}
         state, rest = int(np.argmax(bare)), None
         top = float(bare.max()) + (np.log(1 - LEFT_OVER) if self.rests else 0.0)
+        near, logs = self._near(bare), None
         if self.rests:
-            near = self._near(bare)
             logs = self._with_rests(near, at, sd)
             for k in dict.fromkeys(r.shape for r in self.rests):
                 split[k] = _logsum(logs[:, [i for i, r in enumerate(self.rests) if r.shape == k]])
@@ -282,7 +289,7 @@ class Scales:
         split = {k: value + inner for k, value in split.items()}
         total, of_all = _logsum(np.array(list(split.values()))), _logsum(bare)
         of_state = np.exp(bare - of_all) if np.isfinite(of_all) else np.zeros_like(bare)
-        return Weighed(effects, dict(forms), total, split, state, rest, of_state)
+        return Weighed(effects, dict(forms), total, split, state, rest, of_state, self._places(near, logs))
 
     def _of_noise(self, state: int, at: Index, sd: Array) -> float:
         """The logarithm of what a set loses because the noise of its measured columns adds to the misfit, with fitted sizes."""
@@ -352,22 +359,22 @@ def _conditioned(products: Array, at: Index, sd: Array) -> tuple[Array, float]:
     if not at.size:
         return products, 0.0
     rows = sd[:, None] * products[at]
-    chol, log = _factor(np.eye(at.size) + rows[:, at] * sd)
-    half = np.linalg.solve(chol, rows)
+    root, log = _factor(np.eye(at.size) + rows[:, at] * sd)
+    half = root @ rows
     return products - half.T @ half, -float(log)
 
 
 def _factor(information: Array) -> tuple[Array, Array]:
-    """Cholesky factors [..., k, k] of information with a prior, and the logarithms [...] of their determinants.
+    """Inverse Cholesky factors [..., k, k] of information with a prior, and the logarithms [...] of the factors' determinants.
 
     With the prior, every direction is known with 1 at least. Where one is not, more noise of measured columns was taken out
     than is there, and the logarithm is infinite: what is left of the data says nothing about these columns.
     """
     try:
-        chol = np.linalg.cholesky(information)
+        root, logdet = inverse_factor(information)
     except np.linalg.LinAlgError:
         positive = np.linalg.eigvalsh(information)[..., :1, None] > 0.0
-        chol = np.linalg.cholesky(np.where(positive, information, 0.5 * np.eye(information.shape[-1])))
-    pivots = np.diagonal(chol, axis1=-2, axis2=-1)
+        root, logdet = inverse_factor(np.where(positive, information, 0.5 * np.eye(information.shape[-1])))
+    pivots = 1 / np.diagonal(root, axis1=-2, axis2=-1)
     sound = (pivots**2 >= 1 - np.sqrt(np.finfo(float).eps)).all(axis=-1)
-    return np.asarray(chol), np.where(sound, np.log(pivots).sum(axis=-1), np.inf)
+    return root, np.where(sound, 0.5 * logdet, np.inf)

@@ -71,6 +71,21 @@ class Blocks:
         return (sums if self._edges is self.start else sums[self._picked]) / self.n[:, None]
 
     @cached_property
+    def samples(self) -> float:
+        """Number of samples in all blocks."""
+        return float(self.n.sum())
+
+    @cached_property
+    def step_s(self) -> float:
+        """Usual time between blocks, s; infinite for a single one."""
+        return float(np.median(np.diff(self.t_s))) if self.t_s.size > 1 else np.inf
+
+    @cached_property
+    def rate_dps(self) -> Array:
+        """Mean true rate about the run's axis in each block, shape [m], deg/s."""
+        return self.mean(self.run.rate_dps[:, None])[:, 0]
+
+    @cached_property
     def _edges(self) -> Index:
         # reduceat sums up to the next edge, so the end of each block is also an edge if samples between blocks are left out
         stops = (self.start + self.n.astype(np.intp))[:-1]
@@ -216,6 +231,12 @@ def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
     """Blocks of every run, with its power cycle numbered in order."""
     number = {name: i for i, name in enumerate(session.scenarios)}
     return [reduce_run(run, number[run.scenario], block_s) for run in session.runs]
+
+
+def step_s(blocks: Sequence[Blocks]) -> float:
+    """Shortest usual time between the blocks of a run, s; 1 where each run is a single block."""
+    least_s = min((b.step_s for b in blocks), default=np.inf)
+    return least_s if np.isfinite(least_s) else 1.0
 
 
 def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:

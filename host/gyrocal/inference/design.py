@@ -18,7 +18,7 @@ from gyrocal.effects.base import Role, Values, with_role
 from gyrocal.effects.quantities import RATE_STEP_DPS, rate_noise, with_faster_rate
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
-from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.blocks import Blocks, step_s
 from gyrocal.inference.identified import identified, left_out
 from gyrocal.inference.layout import Layout, assigned
 from gyrocal.noise.axis import AxisNoise
@@ -131,7 +131,7 @@ class Design:
         return self._on(blocks, self.terms, self.cell_s, part)
 
     def _on(self, blocks: Sequence[Blocks], terms: Sequence[Term], cell_s: float, part: Sequence[Means] = ()) -> Design:
-        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else WHITE
+        color = self.color if np.isclose(step_s(blocks), step_s(self.blocks), rtol=0.1) else WHITE
         return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about, part=part)
 
     def _means(self, i: int, before: Design, known: Means | None) -> Means:
@@ -246,7 +246,7 @@ class Design:
         order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
         noise = self._noise_in(fixed)
         least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
-        gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros(()))
+        gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros((1, 1)))
         kept = identified(gram, order, least)
         self.left_out = left_out(gram, [(self.terms[i], i, j) for i, j in fixed], kept, least)
         if not kept.all():
@@ -317,7 +317,7 @@ class Design:
 
     def _varies(self, role: Role | None) -> bool:
         """True if an effect with this role varies over the power cycles of these runs. A single one has a bias of its own."""
-        if self.noise_model.turn_on_bias is None or np.unique(self.scenarios).size < 2:
+        if self.noise_model.turn_on_bias is None or self.cycles < 2:
             return False
         return role is Role.BIAS or (role is Role.SCALE and self._scale_within_scenarios)
 
@@ -328,7 +328,7 @@ class Design:
         for b in self.blocks:
             if b.t_s.size:
                 turns = b.run.axis_index == self.axis
-                rates.setdefault(b.scenario, []).append(b.mean(b.run.rate_dps[:, None])[:, 0] if turns else np.zeros(1))
+                rates.setdefault(b.scenario, []).append(b.rate_dps if turns else np.zeros(1))
         return len(rates) > 1 and all(
             float(np.std(of)) > LEAST_CONTRAST * float(np.sqrt(np.mean(of**2))) for of in map(np.concatenate, rates.values())
         )
@@ -441,6 +441,11 @@ class Design:
         return np.array([b.scenario for b in self.blocks], dtype=np.intp)
 
     @cached_property
+    def cycles(self) -> int:
+        """Number of power cycles."""
+        return len(set(self.scenarios.tolist()))
+
+    @cached_property
     def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
         """Number of blocks of each run, shape [runs]."""
         return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
@@ -448,7 +453,7 @@ class Design:
     @cached_property
     def extent_s(self) -> tuple[float, float]:
         """Length of the longest run and shortest time between blocks, s."""
-        longest_s, block_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size), _step_s(self.blocks)
+        longest_s, block_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size), step_s(self.blocks)
         return max(longest_s, block_s), block_s  # a turn of known angle is one block
 
     @cached_property
@@ -459,7 +464,7 @@ class Design:
 
     @property
     def _samples(self) -> float:
-        return max(1.0, sum(float(b.n.sum()) for b in self.blocks))
+        return max(1.0, sum(b.samples for b in self.blocks))
 
 
 def timing_of(terms: Sequence[Term]) -> Timing:
@@ -469,8 +474,3 @@ def timing_of(terms: Sequence[Term]) -> Timing:
         if isinstance(term.effect, TimingEffect) and term.values:
             timing = term.effect.set(timing, term.values)
     return timing
-
-
-def _step_s(blocks: Sequence[Blocks]) -> float:
-    """Shortest usual time between the blocks of a run, s."""
-    return min((float(np.median(np.diff(b.t_s))) for b in blocks if b.t_s.size > 1), default=1.0)

@@ -31,7 +31,7 @@ def widening(current: AxisFit) -> Array:
     p, k = current.solution.beta.size, current.spreads.run.size
     out = np.ones(p)
     design = current.design
-    if not current.spreads.scenario.size or np.unique(design.scenarios).size < 2 or not np.isfinite(current.loglik):
+    if not current.spreads.scenario.size or design.cycles < 2 or not np.isfinite(current.loglik):
         return out
     scale = SpreadScale.of(design, current.grams)
     roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]

@@ -23,14 +23,14 @@ def identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
     ``gram`` is that of ``[y | columns | ...]``. A column whose independent part has a squared norm below ``least`` [p] is also
     left out: a transient that ended before the run, or the noise of a reference at rest.
     """
-    keep = np.zeros(len(order), dtype=bool)
+    keep, own = np.zeros(len(order), dtype=bool), slice(1, 1 + len(order))
+    left = np.array(gram[own, own])  # products of what is independent of the columns kept so far
+    norms = np.diagonal(left).copy()
     for j in order:
-        rest = norm = gram[1 + j, 1 + j]
-        if keep.any():
-            others = 1 + np.flatnonzero(keep)
-            solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, 1 + j], rcond=None)[0]
-            rest = norm - gram[others, 1 + j] @ solved
-        keep[j] = rest > UNIDENTIFIED * norm and rest > least[j]
+        rest = left[j, j]
+        keep[j] = rest > UNIDENTIFIED * norms[j] and rest > least[j]
+        if keep[j]:
+            left -= np.outer(left[j], left[j] / rest)
     return keep
 
 

@@ -42,7 +42,7 @@ class Kept:
         if role is Role.BIAS and axis in self.unknown_offset:
             return _offset(design, self.change[axis]) ** 2
         counted = own.scenario_sd(own.spreads.scenario, role)
-        return max(_sd(role, noise) ** 2 - counted**2, 0.0) / np.unique(design.scenarios).size
+        return max(_sd(role, noise) ** 2 - counted**2, 0.0) / design.cycles
 
 
 def kept(own: Fit, model: Model) -> Kept:
@@ -61,7 +61,7 @@ def kept(own: Fit, model: Model) -> Kept:
         sizes = np.sqrt(np.maximum(np.diag(free.cov), 1e-300))
         stated = _stated_errors(held.design, terms)
         of_model[axis] = np.outer(stated / sizes, stated / sizes) * free.cov
-        if np.unique(held.design.scenarios).size == 1:
+        if held.design.cycles == 1:
             of_model[axis] += _of_one_cycle(held.design, noise[axis])
             turn_on = noise[axis].turn_on_bias
             if turn_on is not None and turn_on.sd_dps is None:

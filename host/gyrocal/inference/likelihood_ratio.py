@@ -88,7 +88,7 @@ def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, f
         poorer.append(with_noise(current.design, fitted.noise, current.spreads))
     statistic = max(0.0, 2 * (fitted.solution.profile_loglik - max(one.solution.profile_loglik for one in poorer)))
     chance = float(tails.chi_square(statistic, parameters))
-    layout, cycles = current.design.layout, np.unique(current.design.scenarios).size
+    layout, cycles = current.design.layout, current.design.cycles
     if not layout.scenario or chance > LEAST_CHANCE:
         return statistic, chance
     within = 2 * (_of_free_cycles(fitted, cycles) - max(_of_free_cycles(one, cycles) for one in poorer))

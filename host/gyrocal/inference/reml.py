@@ -10,17 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gyrocal.effects.base import Role
 from gyrocal.inference.design import Design
+from gyrocal.inference.factors import inverse_factor, with_prior
 from gyrocal.inference.layout import Layout
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
+Columns = Index | slice
 
 TOLERANCE = 1e-3
 """A search for noise and spreads ends when a step gains less log-likelihood."""
@@ -81,12 +84,12 @@ class Integrated:
     root: Array
     half: Array
 
-    @property
+    @cached_property
     def weights(self) -> Array:
         """Weights [..., k, r] of ``v = weights (y, -X)``, the expectation of the standardised coefficients."""
         return np.asarray(self.root.swapaxes(-1, -2) @ self.half)
 
-    @property
+    @cached_property
     def inverse(self) -> Array:
         """Covariance [..., k, k] of v given the other coefficients."""
         return np.asarray(self.root.swapaxes(-1, -2) @ self.root)
@@ -103,7 +106,7 @@ class Parted:
     rest: Array
 
     @staticmethod
-    def of(gram: Array, index: Index, keep: Index) -> Parted:
+    def of(gram: Array, index: Columns, keep: Columns) -> Parted:
         """Part matrices [..., q, q] into the columns ``index`` and ``keep``."""
         rows = gram[..., index, :]
         return Parted(rows[..., index], rows[..., keep], gram[..., keep, :][..., keep])
@@ -113,27 +116,12 @@ class Parted:
         if sd.ndim > 1:
             sd = sd[:, None]
         down, across = sd[..., None], sd[..., None, :]
-        chol = _factor(np.eye(sd.shape[-1]) + down * self.inner * across)
-        root = np.asarray(np.linalg.inv(chol))
+        root, logdet = with_prior(np.eye(sd.shape[-1]) + down * self.inner * across)
         half = root @ (down * self.cross)
-        logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
         return Integrated(self.rest - half.swapaxes(-1, -2) @ half, logdet, root, half)
 
 
-def _factor(information: Array) -> Array:
-    """The Cholesky factors of standardised coefficients' information [..., k, k], which their prior alone makes the identity.
-
-    The noise of a column that was taken out may exceed what one run holds of it; then that run knows nothing of it.
-    """
-    try:
-        return np.asarray(np.linalg.cholesky(information), dtype=float)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(information)
-        known = (vectors * np.maximum(values, 1.0)[..., None, :]) @ vectors.swapaxes(-1, -2)
-        return np.asarray(np.linalg.cholesky(known), dtype=float)
-
-
-def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
+def integrate(gram: Array, index: Columns, keep: Columns, sd: Array) -> Integrated:
     """Integrate out the coefficients ``~ N(0, sd^2)`` of the columns ``index``. The columns ``keep`` remain."""
     return Parted.of(gram, index, keep).integrate(sd)
 
@@ -152,20 +140,17 @@ class _Shared:
         """The solution of normal equations [..., 1 + p, 1 + p]. Of those that do not determine it, chi-square is infinite."""
         h, g = total[..., 1:, 1:], total[..., 1:, 0]
         scale = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
-        unit = scale[..., :, None] * scale[..., None, :]
         try:
-            chol = np.linalg.cholesky(h / unit)
+            root, logdet = inverse_factor(h / (scale[..., :, None] * scale[..., None, :]))
         except np.linalg.LinAlgError:
             if total.ndim > 2:  # one of many
                 each = [_Shared.of(one) for one in total]
                 return _Shared(*(np.stack([getattr(one, f.name) for one in each]) for f in fields(_Shared)))
             return _Shared(np.full(g.shape, np.nan), np.full(h.shape, np.nan), np.array(np.inf), np.array(np.inf))
-        root = np.linalg.inv(chol)
-        half = root @ (g / scale)[..., None]
-        turned = root.swapaxes(-1, -2)
-        chi2 = total[..., 0, 0] - (half.swapaxes(-1, -2) @ half)[..., 0, 0]
-        logdet = 2 * (np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1) + np.log(scale).sum(axis=-1))
-        return _Shared((turned @ half)[..., 0] / scale, (turned @ root) / unit, chi2, logdet)
+        root = root / scale[..., None, :]
+        half, turned = root @ g[..., None], root.swapaxes(-1, -2)
+        chi2 = total[..., 0, 0] - (half**2).sum(axis=(-1, -2))
+        return _Shared((turned @ half)[..., 0], turned @ root, chi2, logdet + 2 * np.log(scale).sum(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -197,11 +182,10 @@ class Equations:
     def __init__(self, layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int) -> None:
         self.layout, self.grams, self.n = layout, grams, n
         self._logdet = logdet.sum(axis=-1)
-        self._keep = np.arange(1 + len(layout.fixed))
+        self._size = 1 + len(layout.fixed)
         self._group, self._random = np.array(layout.run_group, dtype=np.intp), np.array(layout.scenario, dtype=np.intp)
         self._members = (np.array(sorted(set(scenarios.tolist())))[:, None] == scenarios).astype(float)
-        own = np.arange(self._keep.size, grams.shape[-1])
-        self._of_runs = Parted.of(grams, own, self._keep) if layout.run else None
+        self._of_runs = Parted.of(grams, slice(self._size, None), slice(self._size)) if layout.run else None
         self._of_scenarios = None if layout.run else self._of_each_scenario(grams)
 
     def _of_each_scenario(self, grams: Array) -> Parted | None:
@@ -209,8 +193,7 @@ class Equations:
         if not self.layout.scenario:
             return None
         summed = self._members @ grams.reshape(*grams.shape[:-2], -1)
-        size = self._keep.size
-        return Parted.of(summed.reshape(*summed.shape[:-1], size, size), self._random + 1, self._keep)
+        return Parted.of(summed.reshape(*summed.shape[:-1], self._size, self._size), self._random + 1, slice(self._size))
 
     def solve(self, spreads: Spreads) -> Solution:
         """Integrate out the random coefficients and solve for the shared ones."""
@@ -227,7 +210,7 @@ class Equations:
         return self._solved(spreads).loglik
 
     def _solved(self, spreads: Spreads) -> _Solved:
-        grams, logdet, p = self.grams, self._logdet, self._keep.size - 1
+        grams, logdet, p = self.grams, self._logdet, self._size - 1
         of_runs = of_scenarios = None
         parted = self._of_scenarios
         if self._of_runs is not None:
@@ -247,7 +230,7 @@ class Equations:
         By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is
         the coefficient divided by its spread.
         """
-        p, solved = self._keep.size - 1, self._solved(spreads)
+        p, solved = self._size - 1, self._solved(spreads)
         slope_run, slope_scenario = np.zeros(spreads.run.size), np.zeros(spreads.scenario.size)
         if not np.isfinite(solved.loglik):
             return solved.solution, np.concatenate([slope_run, slope_scenario])
@@ -281,7 +264,7 @@ def _slopes(of: Integrated, center: Array, spread: Array) -> Array:
     weights = of.weights
     b = weights[..., 1:]
     v = weights[..., 0] - (b @ center[..., None])[..., 0]
-    variance = np.diagonal(of.inverse, axis1=-2, axis2=-1) + np.einsum("...ij,...jk,...ik->...i", b, spread, b)
+    variance = np.diagonal(of.inverse, axis1=-2, axis2=-1) + ((b @ spread) * b).sum(axis=-1)
     return np.asarray(v**2 + variance - 1)
 
 
@@ -303,10 +286,8 @@ class SpreadScale:
         information = np.zeros(layout.n_groups + len(layout.scenario))
         diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
         per_run = diagonal[:, 1 + len(layout.fixed) :].mean(axis=0)
-        for group in range(layout.n_groups):
-            information[group] = np.mean([per_run[j] for j, g in enumerate(layout.run_group) if g == group])
-        cycles = np.unique(design.scenarios).size
-        information[layout.n_groups :] = diagonal[:, np.array(layout.scenario, dtype=np.intp) + 1].sum(axis=0) / cycles
+        information[: layout.n_groups] = _group_means(layout, per_run)
+        information[layout.n_groups :] = diagonal[:, np.array(layout.scenario, dtype=np.intp) + 1].sum(axis=0) / design.cycles
         unit = np.where(information > 0, 1 / np.sqrt(np.maximum(information, 1e-300)), 0.0)
         largest = np.where(unit > 0, _largest_dps(design) / np.concatenate(_random_rms(design)), 0.0)
         limits = [LARGEST_SPREAD[design.terms[layout.fixed[j][0]].effect.role] for j in layout.scenario]
@@ -344,20 +325,22 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
     with the data, so that step would end in a corner of the bounds. The cost is therefore scaled to a gradient of
     ``FIRST_STEP``.
     """
-    from scipy.optimize import minimize
+    from scipy.optimize import fmin_l_bfgs_b
 
     first = loglik(x0)
     value, slope = first
     scale = FIRST_STEP / max(float(np.linalg.norm(slope)), FIRST_STEP) if np.isfinite(value) else 1.0
+    ahead = np.clip(x0 + scale * slope, *np.transpose(bounds))
+    if np.isfinite(value) and np.abs(ahead - x0).max() <= LEVEL * scale:  # the search would end as it begins
+        return x0
 
     def cost(x: Array) -> tuple[float, Array]:
         value, slope = first if np.array_equal(x, x0) else loglik(x)  # the search looks at its start again
         return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
 
     enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
-    options = {"maxiter": 60, "ftol": enough, "gtol": LEVEL * scale}
-    found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return np.asarray(found.x)
+    factor = enough / np.finfo(np.float64).eps
+    return np.asarray(fmin_l_bfgs_b(cost, x0, bounds=bounds, factr=factor, pgtol=LEVEL * scale, maxiter=60)[0])
 
 
 def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads:
@@ -378,13 +361,14 @@ def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads
 
 
 def _random_rms(design: Design) -> tuple[Array, Array]:
-    rms = design.column_rms
-    p = len(design.layout.fixed)
-    run = np.array([
-        np.mean([rms[1 + p + j] for j, g in enumerate(design.layout.run_group) if g == group])
-        for group in range(design.layout.n_groups)
-    ])  # fmt: skip
-    return run, rms[np.array(design.layout.scenario, dtype=np.intp) + 1]
+    rms, layout = design.column_rms, design.layout
+    return _group_means(layout, rms[1 + len(layout.fixed) :]), rms[np.array(layout.scenario, dtype=np.intp) + 1]
+
+
+def _group_means(layout: Layout, of_runs: Array) -> Array:
+    """The mean of each group of columns of each run, from a value for each of these columns."""
+    group = np.array(layout.run_group, dtype=np.intp)
+    return np.bincount(group, of_runs, layout.n_groups) / np.bincount(group, minlength=layout.n_groups)
 
 
 def unknown_spreads(design: Design) -> Spreads:

@@ -69,7 +69,7 @@ def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
     wanted, fitted = current.design.noise_model, AxisNoise(current.noise.white_sd_dps)
     if wanted.drift is not None:
         fitted = fitted.having(Drift(current.noise.ou_sd_dps, current.noise.ou_tau_s))
-    known = np.unique(current.design.scenarios).size >= POLICY.least_scenarios
+    known = current.design.cycles >= POLICY.least_scenarios
     if wanted.turn_on_bias is not None:
         se = {"sd_dps": current.scenario_sd(scenario_se, Role.BIAS)}
         fitted = fitted.having(TurnOnBias(current.turn_on_sd_dps, se=se) if known else TurnOnBias())

@@ -197,7 +197,7 @@ class Columns:
         """
         before = fit.design.layout
         fitted = {before.fixed[j]: sd for j, sd in zip(before.scenario, fit.spreads.scenario, strict=True)}
-        few = np.unique(fit.design.scenarios).size < POLICY.least_scenarios
+        few = fit.design.cycles < POLICY.least_scenarios
         columns, spreads = [], []
         for j, at in enumerate(self.design.layout.fixed):
             bias = self.design.terms[at[0]].effect.role is Role.BIAS

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gyrocal.recording.session import Run
+if TYPE_CHECKING:
+    from gyrocal.recording.run import Run
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -32,15 +34,19 @@ def once(function: Callable[[Sequence[Run], int], T]) -> Callable[[Sequence[Run]
     return kept
 
 
-def once_a_run(function: Callable[[Run], T]) -> Callable[[Run], T]:
-    """A function of a run whose result is kept with the run. The result must be small, and not be changed by its callers."""
+def once_a_run(function: Callable[Concatenate[Run, P], T]) -> Callable[Concatenate[Run, P], T]:
+    """A function of a run whose result is kept with the run, for each of its further arguments.
+
+    The result must be small, or a view of what the run holds anyway, and not be changed by its callers.
+    """
     name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
-    def kept(run: Run) -> T:
-        results: dict[str, T] = run.__dict__.setdefault("_once_a_run", {})
-        if name not in results:
-            results[name] = function(run)
-        return results[name]
+    def kept(run: Run, *args: P.args, **kwargs: P.kwargs) -> T:
+        results: dict[Any, T] = run.__dict__.setdefault("_once_a_run", {})
+        key = name, args, *kwargs.items()
+        if key not in results:
+            results[key] = function(run, *args, **kwargs)
+        return results[key]
 
     return kept

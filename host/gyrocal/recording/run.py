@@ -16,6 +16,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.angle_slopes import GAP_STEPS
 from gyrocal.recording.header import Axis, Face, Reference
 from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
+from gyrocal.recording.once import once_a_run
 from gyrocal.recording.registration import Registration
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamped import right_times
@@ -159,6 +160,7 @@ class Run:
         """One count of an axis's readings, deg/s: the stated one, else their smallest step; 0 if there is neither."""
         return float(self.lsb_dps or self.step_dps[axis])
 
+    @once_a_run
     def column(self, name: str) -> Array | None:
         """An optional column, shape [n]; missing cells are NaN. None if the file lacks it or has no value in it."""
         if name not in self.table.columns or self.table[name].null_count() == self.table.height:

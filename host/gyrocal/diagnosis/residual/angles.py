@@ -151,7 +151,7 @@ class WithinCycles:
         layout, n = axis.design.layout, int(axis.design.n_blocks.sum())
         equations = Equations(layout, axis.grams, axis.logdet, axis.design.scenarios, n)
         apart = Spreads(axis.spreads.run, np.full(len(layout.scenario), FREE))
-        freedom = n - len(layout.fixed) - (np.unique(axis.design.scenarios).size - 1) * len(layout.scenario)
+        freedom = n - len(layout.fixed) - (axis.design.cycles - 1) * len(layout.scenario)
         if freedom < 1:
             return WithinCycles(1.0, 1.0)
         left = equations.solve(apart).chi2
