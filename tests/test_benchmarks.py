@@ -77,6 +77,7 @@ def test_a_hidden_effect_that_is_added_comes_near_the_limit(paper: dict[str, Any
         assert at[seconds, "model after"]["flagged"] < 0.06
 
 
+@pytest.mark.wide
 def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
     require_tool("arm-none-eabi-gcc")
     require_tool("qemu-system-arm")
@@ -184,6 +185,7 @@ def test_field_sessions_know_nothing_of_the_library() -> None:
         assert "gyrocal." not in (benchmark.ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")
 
 
+@pytest.mark.wide
 def test_references_count_errors_and_names_and_resume(tmp_path: Path) -> None:
     results = tmp_path / "references.jsonl"
     part = {"kinds": ["second_file", "encoder_effect"], "limit": 1, "results": results, "seed": 3}

@@ -23,7 +23,10 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
 PYTHON = os.environ.get("GYROCAL_PYTHON") or sys.executable
 """The Python of another environment, in which tutorials and notebook then run: ``make wheel`` names it."""
-TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+TUTORIALS = [
+    pytest.param(page, marks=[pytest.mark.wide] * (page.stem == "log"))
+    for page in sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+]
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -58,7 +58,7 @@ PLANTED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", [pytest.param(what, marks=[pytest.mark.wide] * ("sawtooth" in what)) for what in PLANTED])
+@pytest.mark.parametrize("what", [pytest.param(what, marks=[pytest.mark.wide] * ("resonance" not in what)) for what in PLANTED])
 def test_the_error_falls_nearly_as_far_as_with_the_true_shape(what: str, library: dict[str, object]) -> None:
     del library["order_tone"]  # the library would name the gear
     signal, encoder, against, truth = PLANTED[what]
@@ -128,7 +128,7 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
         base.effects().pop("saw", None)
 
 
-@pytest.mark.parametrize("row", [0, 700])
+@pytest.mark.parametrize("row", [0, pytest.param(700, marks=pytest.mark.wide)])
 def test_one_reading_is_never_kept(row: int) -> None:
     """A single bad reading, first of a run or within it, is no shape of any variable."""
     runs: list[float] = []

@@ -81,7 +81,7 @@ def test_a_sawtooth_once_per_turn_is_told_per_turn_and_not_in_hertz() -> None:
     assert found.best is not None
 
 
-@pytest.mark.parametrize("order", [5.0, 8.5])
+@pytest.mark.parametrize("order", [pytest.param(5.0, marks=pytest.mark.wide), 8.5])
 def test_an_order_tone_is_named_at_several_rates(order: float) -> None:
     session = full(f"order_tone:order={order},A_dps=0.05")
     found = diagnose(session)
@@ -193,7 +193,7 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
 
 @pytest.mark.parametrize(
     ("size_dps", "latitude_deg", "named"),
-    [(0.004, None, False), (0.004, 75.0, True), pytest.param(0.012, None, True, marks=pytest.mark.wide)],
+    [(0.004, None, False), *(pytest.param(*of, True, marks=pytest.mark.wide) for of in ((0.004, 75.0), (0.012, None)))],
 )
 def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     size_dps: float, latitude_deg: float | None, named: bool

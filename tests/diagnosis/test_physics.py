@@ -34,7 +34,7 @@ def session_of(campaign: str, *effects: str, seed: int = 3) -> Session:
         pytest.param(
             "shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03, marks=pytest.mark.wide
         ),
-        ("swing", "dead_band:width_dps=0.5", "width_dps", 0.5),
+        pytest.param("swing", "dead_band:width_dps=0.5", "width_dps", 0.5, marks=pytest.mark.wide),
         ("chamber", "thermal_hysteresis:amplitude_dps=-0.05,width_c=10", "amplitude_dps", -0.05),
         ("swing", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
         pytest.param("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12, marks=pytest.mark.wide),
@@ -62,7 +62,7 @@ def test_single_readings_that_lack_a_carry_are_no_jumps() -> None:
     assert note.endswith("each by 128 counts: bit 7 lacks a carry or is of another sample")
 
 
-@pytest.mark.parametrize("campaign", ["shaker", pytest.param("swing", marks=pytest.mark.wide), "chamber"])
+@pytest.mark.parametrize("campaign", [*(pytest.param(name, marks=pytest.mark.wide) for name in ("shaker", "swing")), "chamber"])
 def test_sessions_without_an_effect_are_quiet(campaign: str) -> None:
     found = diagnose(session_of(campaign, seed=1))
     assert found.verdict == "adequate", (found.unknown, [c.effect.id for c in found.candidates if c.decision == "add"])

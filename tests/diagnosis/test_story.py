@@ -21,7 +21,7 @@ def session_of(campaign: str, *effects: str, seed: int = 5) -> Session:
 
 STORIES = [
     pytest.param("full", "g_sensitivity", "z", marks=pytest.mark.wide),
-    ("full", "misalignment", "x"),
+    pytest.param("full", "misalignment", "x", marks=pytest.mark.wide),
     ("paper", "warmup:A_dps=0.1,tau_s=15", "z"),
     pytest.param("swing", "lag", "z", marks=pytest.mark.wide),
 ]

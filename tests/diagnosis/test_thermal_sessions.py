@@ -63,7 +63,8 @@ def candidate(found, effect_id):
 
 
 @pytest.mark.parametrize(
-    ("noise_c", "count_c", "held"), [(0.03, 0.0, 1), (0.1, 0.0, 10), (0.03, 0.125, 100)]
+    ("noise_c", "count_c", "held"),
+    [(0.03, 0.125, 100), *(pytest.param(*of, marks=pytest.mark.wide) for of in ((0.03, 0.0, 1), (0.1, 0.0, 10)))],
 )
 def test_a_one_way_ramp_stays_ambiguous_with_a_noisy_thermometer(noise_c, count_c, held):
     found = diagnose(thermal(1, one_way, noise_c=noise_c, count_c=count_c, held=held))

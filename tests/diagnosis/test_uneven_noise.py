@@ -41,7 +41,7 @@ def session(level: Level, seed: int, error: Callable[[Array], Array] = np.zeros_
     return make_session(*runs)
 
 
-@pytest.mark.parametrize("level", [steps, bursts])
+@pytest.mark.parametrize("level", [pytest.param(steps, marks=pytest.mark.wide), bursts])
 def test_the_floor_is_the_rms_where_the_level_of_the_noise_changes(level: Level) -> None:
     apart, sure = [], []
     for seed in range(6):

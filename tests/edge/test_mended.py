@@ -12,16 +12,19 @@ from . import drawn, frozen, recording
 pytestmark = pytest.mark.slow
 
 
+FURTHER = [
+    ("faef2cfe865fed675a15567614ebdc332d65a97d", "misspecified", 79, ("bias_temperature", "y")),  # a hysteresis
+    ("07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "edge", 6, ("table_ripple", "z")),  # a tone of one size at three rates
+    ("07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "misspecified", 58, ("table_ripple", "y")),  # friction, of another size
+]
+
+
 @pytest.mark.parametrize(
     ("tree", "kind", "number", "wrong"),
     [
-        ("faef2cfe865fed675a15567614ebdc332d65a97d", "misspecified", 79, ("bias_temperature", "y")),  # a hysteresis
         ("a7d2e8c034282d08d3463b721ed145ef23865264", "null", 11, ("vibration_tone", "z")),  # a line of the encoder's angle
         ("a7d2e8c034282d08d3463b721ed145ef23865264", "misspecified", 30, ("table_ripple", "z")),  # a magnet beside the table
-        ("07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "edge", 6, ("table_ripple", "z")),  # a tone of one size at three rates
-        pytest.param(
-            "07d9a76fcadf1b7f2644d47fb648ff0454b586b7", "misspecified", 58, ("table_ripple", "y"), marks=pytest.mark.wide,
-        ),  # friction, of another size
+        *(pytest.param(tree, kind, number, wrong, marks=pytest.mark.wide) for tree, kind, number, wrong in FURTHER),
     ],
 )
 def test_it_is_not_named_again(

@@ -24,7 +24,7 @@ def coverage() -> Any:
 @pytest.mark.parametrize(
     ("effect_id", "size", "names"),
     [
-        ("warmup", "triple", ["A_dps", "tau_s"]),
+        pytest.param("warmup", "triple", ["A_dps", "tau_s"], marks=pytest.mark.wide),
         pytest.param("table_ripple", "triple", ["amplitude_1"], marks=pytest.mark.wide),
         ("vibration_tone", "typical", ["A_dps", "f_hz"]),
         pytest.param("spin_up", "typical", ["A", "tau_s"], marks=pytest.mark.wide),

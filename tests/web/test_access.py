@@ -56,7 +56,7 @@ def axe() -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.wide), "dark"])
 def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
     served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str
 ) -> None:

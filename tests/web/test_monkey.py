@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.panels.compare import ZOOM
 from gyrocal.web.widgets.effect_view import COPY
@@ -21,6 +23,7 @@ ACTS, SEED = 40, 7
 COSTLY = "Train it|Write it|Simulate and look|Surprise me|Another one"
 
 
+@pytest.mark.wide
 def test_random_use_leaves_no_error(serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path) -> None:
     simulate(tmp_path / "s", "paper", ["table_ripple"], 3, scenarios=3, seconds=8)
     served = serve(tmp_path, "s")
