@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
-from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.earth_rate import in_plane_dps
+from gyrocal.effects.base import AtSample, Case, Effect, Law, Objection, Parameter, Values, stack
+from gyrocal.effects.earth_rate import in_plane_dps, may_be_in_plane
 from gyrocal.effects.mistaken import once_per_turn
 from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import mean_wave_per_turn
@@ -85,11 +85,37 @@ class GSensitivity(Effect, CourseWithoutData):
         known = all(r.column("table_angle_deg") is not None for r in runs)
         return [once_per_turn()] if known and in_plane_dps(runs, axis) > 0 else []
 
+    def objections(
+        self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
+    ) -> Iterable[Objection]:
+        """On an axis in the table's plane, what only turns through gravity may be the Earth's rate, of any phase."""
+        in_plane = [name for name in self._turning(runs) if name not in self._posed(runs) and name in values]
+        if in_plane:
+            waves_dps = [values[name] * self._tilt_g(runs)[COMPONENTS[name]] for name in in_plane]  # a quarter of a turn apart
+            if may_be_in_plane(runs, axis, float(np.linalg.norm(waves_dps))):
+                yield Objection.REPEATS
+
     def _moving(self, runs: Sequence[Run]) -> list[str]:
-        """Components that change by more than noise: between poses, or once per turn of a tilted table."""
-        moved_g = np.zeros(3)
-        if pose_changes(runs):
-            moved_g = np.ptp(np.vstack([tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]), axis=0)
+        """Components that change by more than noise."""
+        moving = {*self._posed(runs), *self._turning(runs)}
+        return [name for name in COMPONENTS if name in moving]
+
+    @staticmethod
+    def _posed(runs: Sequence[Run]) -> list[str]:
+        """Those that change between poses."""
+        if not pose_changes(runs):
+            return []
+        means = [tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
+        moved_g = np.ptp(np.vstack(means), axis=0)
+        return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G]
+
+    def _turning(self, runs: Sequence[Run]) -> list[str]:
+        """Those that change once per turn of a tilted table."""
+        tilt_g = self._tilt_g(runs)
+        return [name for name, i in COMPONENTS.items() if tilt_g[i] >= LEAST_TILT_G]
+
+    @staticmethod
+    def _tilt_g(runs: Sequence[Run]) -> Array:
+        """Amplitude of each component's wave once per turn, shape [3], g."""
         waves_g = [w for r in runs if (acc_g := acceleration_g(r)) is not None for w in mean_wave_per_turn(r, acc_g)]
-        tilt_g = np.median(np.abs(waves_g), axis=0) if waves_g else np.zeros(3)
-        return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G or tilt_g[i] >= LEAST_TILT_G]
+        return np.median(np.abs(waves_g), axis=0) if waves_g else np.zeros(3)
