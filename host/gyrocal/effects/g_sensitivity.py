@@ -13,6 +13,7 @@ from gyrocal.effects.mistaken import once_per_turn
 from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import mean_wave_per_turn
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
+from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
 COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
@@ -117,5 +118,12 @@ class GSensitivity(Effect, CourseWithoutData):
     @staticmethod
     def _tilt_g(runs: Sequence[Run]) -> Array:
         """Amplitude of each component's wave once per turn, shape [3], g."""
-        waves_g = [w for r in runs if (acc_g := acceleration_g(r)) is not None for w in mean_wave_per_turn(r, acc_g)]
-        return np.median(np.abs(waves_g), axis=0) if waves_g else np.zeros(3)
+        of_runs = [wave_g for r in runs for wave_g in _waves_g(r)]
+        return np.median(of_runs, axis=0) if of_runs else np.zeros(3)
+
+
+@once_a_run
+def _waves_g(run: Run) -> list[Array]:
+    """The same [3] of one run, in a list; none of a run without an accelerometer or of less than a turn."""
+    acc_g = acceleration_g(run)
+    return [] if acc_g is None else [np.abs(wave) for wave in mean_wave_per_turn(run, acc_g)]

@@ -77,7 +77,7 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate], excludes: Excludes | Non
         same = overlap > POLICY.same_shape
         if overlap <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
             continue
-        if same and rival.parameters < c.parameters and rival.decision == "add" and c.tiny >= rival.tiny:
+        if same and rival.parameters < c.parameters and rival.decision == "add" and (c.tiny or not rival.tiny):
             return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
         if same and rival.parameters > c.parameters:
             continue
