@@ -23,11 +23,11 @@ REFERENCE_C = 25.0
 TURNING = "a run in which the table turns about this axis at a known rate"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
-MOVING_TEMPERATURE = "a temp_c column that moves by 0.5 °C or more over the session"
+MOVING_TEMPERATURE = "a temp_c column that moves by 1 °C or more over the session"
 
 LOST_IN_BLOCKS_HZ = 2.5
 """Frequency above which means over blocks of a tenth of a second lose more than a tenth of a wave's amplitude, Hz."""
-LEAST_RANGE_C = 0.5
+LEAST_RANGE_C = 1.0
 TEMPERATURE_WINDOW_S = 10.0
 """Shortest time over which the slope of the temperature is computed, s. Heat passes through a package in seconds."""
 CUBIC = 1 / 6
@@ -175,7 +175,7 @@ def means_of_tenths(values: Array) -> Array:
 
 
 def temperature_moves(runs: Sequence[Run]) -> bool:
-    """True if the temperature changes by half a degC or more over the runs that have a thermometer."""
+    """True if the temperature changes by 1 degC or more over the runs that have a thermometer."""
     means = [temperature_by_second(r)[1] for r in runs if r.temp_c is not None]
     return bool(means) and bool(np.ptp(np.concatenate(means)) >= LEAST_RANGE_C)
 

@@ -17,12 +17,12 @@ from gyrocal.evidence.checked import Checks
 from gyrocal.policy import POLICY
 
 KNOTS = (
-    (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4705, 0.207), (0.5693, 0.403), (1.7912, 0.69), (3.4965, 0.865),
-    (7.1522, 0.946), (17.7879, 0.946),
+    (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4641, 0.211), (0.5771, 0.381), (1.7931, 0.647), (3.456, 0.86),
+    (7.0503, 0.895), (17.6452, 0.895),
 )  # fmt: skip
-FAILED = 0.344
-NAMED = 0.957
-UNNAMED = 0.629
+FAILED = 0.293
+NAMED = 0.952
+UNNAMED = 0.481
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:

@@ -46,11 +46,11 @@ class Evidence:
 
     # Checks of an effect that leads
     least_share: float = threshold(
-        0.65, "part of the power that an effect and a disturbance without a name explain together, from which on the effect "
+        0.25, "part of the power that an effect and a disturbance without a name explain together, from which on the effect "
         "passes the check of its share",
-        larger="true effects fail beside a disturbance: of 363 names with more, 354 were true",
-        smaller="a part of a disturbance is named, as a drift for a cubic in time: of 15 names with less, 13 were true",
-        chosen_by="gyrocal benchmark edge --part frozen, six states of the code",
+        larger="true effects fail beside a disturbance: of seven names with less than half of the power five were true",
+        smaller="a part of a disturbance is named: of those with less than a quarter three of four were true",
+        chosen_by="gyrocal benchmark edge, the calibration and the work part",
     )  # fmt: skip
     different_chance: float = threshold(
         1e-3, "probability that chance makes the sizes of an effect differ as much between the parts of the data, below which "
