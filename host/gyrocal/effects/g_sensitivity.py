@@ -90,15 +90,15 @@ class GSensitivity(Effect, CourseWithoutData):
         self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]
     ) -> Iterable[Objection]:
         """On an axis in the table's plane, what only turns through gravity may be the Earth's rate, of any phase."""
-        in_plane = [name for name in self._turning(runs) if name not in self._posed(runs) and name in values]
-        if in_plane:
-            waves_dps = [values[name] * self._tilt_g(runs)[COMPONENTS[name]] for name in in_plane]  # a quarter of a turn apart
-            if may_be_in_plane(runs, axis, float(np.linalg.norm(waves_dps))):
-                yield Objection.REPEATS
+        turning = {name: tilt_g for name, tilt_g in self._turning_g(runs).items() if name in values}
+        posed = self._posed(runs) if turning else []
+        waves_dps = [values[name] * tilt_g for name, tilt_g in turning.items() if name not in posed]
+        if waves_dps and may_be_in_plane(runs, axis, float(np.linalg.norm(waves_dps))):  # they are a quarter of a turn apart
+            yield Objection.REPEATS
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """Components that change by more than noise."""
-        moving = {*self._posed(runs), *self._turning(runs)}
+        moving = {*self._posed(runs), *self._turning_g(runs)}
         return [name for name in COMPONENTS if name in moving]
 
     @staticmethod
@@ -110,20 +110,19 @@ class GSensitivity(Effect, CourseWithoutData):
         moved_g = np.ptp(np.vstack(means), axis=0)
         return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G]
 
-    def _turning(self, runs: Sequence[Run]) -> list[str]:
-        """Those that change once per turn of a tilted table."""
-        tilt_g = self._tilt_g(runs)
-        return [name for name, i in COMPONENTS.items() if tilt_g[i] >= LEAST_TILT_G]
-
     @staticmethod
-    def _tilt_g(runs: Sequence[Run]) -> Array:
-        """Amplitude of each component's wave once per turn, shape [3], g."""
+    def _turning_g(runs: Sequence[Run]) -> dict[str, float]:
+        """Those that change once per turn of a tilted table, each with the amplitude of its wave, g."""
         of_runs = [wave_g for r in runs for wave_g in _waves_g(r)]
-        return np.median(of_runs, axis=0) if of_runs else np.zeros(3)
+        tilt_g = np.median(of_runs, axis=0) if of_runs else np.zeros(3)
+        return {name: float(tilt_g[i]) for name, i in COMPONENTS.items() if tilt_g[i] >= LEAST_TILT_G}
 
 
 @once_a_run
 def _waves_g(run: Run) -> list[Array]:
-    """The same [3] of one run, in a list; none of a run without an accelerometer or of less than a turn."""
+    """Amplitude of each component's wave once per turn, shape [3], g, in a list.
+
+    None of a run without an accelerometer or of less than a turn.
+    """
     acc_g = acceleration_g(run)
     return [] if acc_g is None else [np.abs(wave) for wave in mean_wave_per_turn(run, acc_g)]

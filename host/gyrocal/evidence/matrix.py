@@ -139,7 +139,7 @@ class Matrix:
         for index, summed in zip(self.design.alike, self.summed, strict=True):
             found, of_one = summed.normal_equations(noise)
             grams[index], logdet[index] = found, of_one
-        if not as_measured:
+        if self.measured and not as_measured:
             grams -= self.noise_products / noise.white_sd_dps**2
         for i, j in self._free:
             if grams[i, j, j] > 0:

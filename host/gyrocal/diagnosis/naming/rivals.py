@@ -23,9 +23,9 @@ def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = Non
 
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
     shape, the simpler one is preferred unless the other gains enough for each further parameter, or the simpler one alone is
-    smaller than any known one. A candidate that reached only
-    ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one. So is an effect that the session
-    cannot measure, if what is known of its course has the same shape. An effect of a size that no sensor has is no rival.
+    smaller than any known one. A candidate that reached only ``suggest`` is still a rival of one that reached ``add``, also if
+    it is the simpler one. So is an effect that the session cannot measure, if what is known of its course has the same shape.
+    An effect of a size that no sensor has is no rival.
     """
     passed = [c for c in candidates if c.decision in ("add", "suggest") and in_range(c)]
 
