@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from gyrocal.effects.base import effect
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import rate_about
 from gyrocal.recording.session import Run
 from make_runs import make_run
@@ -67,3 +68,42 @@ def test_a_reference_that_wanders_at_rest_is_no_dead_band(seed: int) -> None:
 @pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])
 def test_a_band_shows_by_its_edge(levels: tuple[float, ...]) -> None:
     assert effect("dead_band").tried_on([staircase(k, 0.003, levels) for k in range(4)], 2, 0.01) == "samples"
+
+
+def at_steps(lost_below_dps: float, levels: tuple[float, ...], seed: int = 1) -> list[Run]:
+    """A table whose angle is measured goes to each level in a second, stays for eight, and goes back to rest."""
+    rng, runs = np.random.default_rng(seed), []
+    true = np.concatenate([np.interp(np.arange(800), [0, 50, 450, 500], [0.0, level, level, 0.0]) for level in levels])
+    for _ in range(3):
+        read = 1.002 * np.where(np.abs(true) < lost_below_dps, 0.0, true) + 0.4
+        gyro = rng.normal(0, 0.02, (true.size, 3)) + np.outer(read, [0, 0, 1])
+        angle_deg = np.cumsum(true) / 50 + rng.uniform(0, 360)
+        runs.append(make_run(np.arange(true.size) / 50, gyro, ref_angle_deg=np.round(angle_deg / 0.002) * 0.002))
+    return runs
+
+
+def tried(runs: list[Run]) -> bool:
+    return effect("dead_band").tried_on(runs, 2, 1.0) is not None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_a_measured_angle_is_round_no_rate_is_lost(seed: int) -> None:
+    """At the corners, the slope of the curve through the angle is a small rate that the table never had."""
+    assert not tried(at_steps(0.0, (150, -150, 60, -60), seed))
+
+
+def test_a_band_that_the_table_stays_in_shows_in_a_measured_angle() -> None:
+    assert tried(at_steps(1.0, (150, 0.5, -0.7, -150, 0.6)))
+
+
+def test_what_stands_out_of_the_reference_is_no_reading() -> None:
+    """An encoder that counts seldom gives a rate in pulses; the same pulses in the readings are outliers."""
+    rng = np.random.default_rng(2)
+    pulses = 0.4 * (rng.random(4000) < 0.02)
+    noise = rng.normal(0, 0.02, (4000, 3))
+    for own in (False, True):
+        gyro = noise + np.outer(0.3 + own * pulses, [0, 0, 1])
+        run = make_run(np.arange(4000) / 100, gyro, rate_ref_dps=0.3 + (not own) * pulses)
+        rows, apart_dps = outliers_of(run, 2, gyro[:, 2] - run.column("rate_ref_dps"))
+        assert rows.size == own * np.count_nonzero(pulses)
+        assert apart_dps == pytest.approx(0.4, abs=0.1)

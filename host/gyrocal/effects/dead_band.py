@@ -10,8 +10,9 @@ from gyrocal.effects.base import Case, Effect, Looks, Mask, Objection, Parameter
 from gyrocal.effects.quantities import rate_about
 from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
+from gyrocal.recording.angle_slopes import TRIMMED
 from gyrocal.recording.once import once
-from gyrocal.recording.outliers import Index, outliers
+from gyrocal.recording.outliers import Index, in_readings, outliers
 from gyrocal.recording.session import Array, Run
 
 WIDTHS_DPS = tuple(float(w) for w in np.geomspace(0.03, 10.0, 12))
@@ -137,11 +138,14 @@ def _smoothed_dps(runs: Sequence[Run], axis: int, width_dps: float) -> float:
 def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
     """Rows [k] of one run's outliers and their deviations [k], deg/s, without the readings that a dead band set to zero.
 
-    ``y_dps`` [n] is measured minus true or modelled rate about the axis. Where the reference was not recorded there is none.
+    What stands out of the reference alone is none, and where the reference was not recorded there is none. ``y_dps`` [n] is
+    measured minus true or modelled rate about the axis.
     """
     known = np.flatnonzero(run.reached)
     rows, apart_dps = outliers(y_dps[known], run.step_dps[axis])
     rows = known[rows]
+    if rows.size and not in_readings(run.gyro_dps[:, axis], rows, apart_dps):
+        return rows[:0], apart_dps[:0]
     if not rows.size or axis != run.axis_index or run.rate_is_mean:
         return rows, apart_dps
     scores = _scores([run], axis)
@@ -172,8 +176,10 @@ def _scores(runs: Sequence[Run], axis: int) -> Array:
             if not inside.any() or inside.all():
                 continue
             fit = np.linalg.lstsq(known[~inside], y_dps[~inside], rcond=None)[0]
+            beyond = ~inside & (np.abs(w_dps) < 2 * width)
+            inside &= _no_corner(run, w_dps, 2 * width)
             below = inside & ((np.abs(w_dps) >= width / 2) | _steady(w_dps, inside))
-            for part, among in enumerate((inside, below, ~inside & (np.abs(w_dps) < 2 * width))):
+            for part, among in enumerate((inside, below, beyond)):
                 residual = y_dps[among] - known[among] @ fit
                 lost[part, k] -= float(w_dps[among] @ residual) + np.count_nonzero(among) * _noise_power(w_dps, among)
                 norm[part, k] += float(w_dps[among] @ w_dps[among])
@@ -181,6 +187,18 @@ def _scores(runs: Sequence[Run], axis: int) -> Array:
     (inner, below, beyond), error = lost / norm, white_sd_dps(runs, axis) / np.sqrt(norm)
     edge = (below >= LEAST_LOST) & (beyond + 2 * error[2] < BEYOND * below)
     return np.asarray(np.where(edge, inner / error[0], 0.0))
+
+
+def _no_corner(run: Run, w_dps: Array, least_dps: float) -> Mask:
+    """True for the samples [n] whose true rate is no slope over a corner, at which the table begins or ends to turn faster.
+
+    The smooth curve through measured angles is round there, so that its slope is a small rate that the table never had.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    if run.measured_rates is None or not run.measured_rates.derived:
+        return np.ones(len(run), dtype=bool)
+    return np.asarray(maximum_filter1d(np.abs(w_dps), 2 * TRIMMED + 1, mode="nearest") < least_dps)
 
 
 def _steady(w_dps: Array, inside: Mask) -> Mask:

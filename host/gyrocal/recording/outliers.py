@@ -20,6 +20,10 @@ WIDE = 63
 """Readings over whose median those are looked for of which several in a row may be off."""
 STANDS_OUT = POLICY.outlier_spreads
 
+IN_READINGS = 0.5
+"""Part of the power of deviations from a reference that the readings have among their neighbours, below which it is the
+reference that stands out."""
+
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
@@ -58,6 +62,15 @@ def _of_one_size(y_dps: Array, spread_dps: float) -> tuple[Index, Array] | None:
     away = np.abs(apart_dps) > STANDS_OUT * spread_dps
     others = int(np.count_nonzero(away & (np.abs(np.abs(apart_dps) - size_dps) > STANDS_OUT * spread_dps)))
     return (rows, apart_dps[rows]) if others <= POLICY.most_outliers * rows.size else None
+
+
+def in_readings(reading_dps: Array, rows: Index, apart_dps: Array) -> bool:
+    """True if ``rows`` [k], off by ``apart_dps`` [k] from a reference, stand out among the readings [n] as well.
+
+    An encoder that counts seldom gives rates in pulses of one size, each of which leaves a residual like an outlier.
+    """
+    own_dps = reading_dps[rows] - between(reading_dps)[rows]
+    return float(own_dps @ own_dps) >= IN_READINGS * float(apart_dps @ apart_dps)
 
 
 def _whole(y_dps: Array, rows: Index, apart_dps: Array) -> Array:

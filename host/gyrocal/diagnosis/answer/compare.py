@@ -8,7 +8,6 @@ one known shape is more sensitive than a general one. A model is adequate if nei
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from gyrocal.diagnosis.answer.as_is import compare_as_is
@@ -39,4 +38,4 @@ def compare(
     if measured.where or measured.implausible:
         return measured
     judged = naming.candidates(measured, unless=POLICY.name_alarm, progress=progress)
-    return replace(measured, where=naming.findings(measured, judged))
+    return naming.with_named(measured, judged, only_day)

@@ -10,7 +10,7 @@ measurement that separates its members instead of a cause. The thresholds are in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -83,7 +83,7 @@ def diagnose(
     comparison = measure(session, model, progress=progress)
     judged = naming.candidates(comparison, own, progress=progress)
     if not comparison.where and not comparison.implausible:
-        comparison = replace(comparison, where=naming.findings(comparison, judged))
+        comparison = naming.with_named(comparison, judged)
     tested, alternatives = with_probabilities(judged, comparison, progress)
     judged = decided(tested, _failing(comparison), lambda sure, others: beside_sure(sure, others, comparison))
     verdict = verdict_on(comparison, judged)

@@ -16,7 +16,7 @@ from gyrocal.diagnosis.naming.judge import judge, not_measurable, without_mean
 from gyrocal.diagnosis.naming.one_clock import refuted
 from gyrocal.diagnosis.naming.rivals import with_groups, with_suggested_groups
 from gyrocal.diagnosis.naming.standing_model import Current
-from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.comparison import Comparison, beside_named
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
@@ -53,6 +53,21 @@ def candidates(
     judged = [_unproven(c) if c.axis in comparison.unsure else c for c in _symmetric(judged, comparison)]
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
     return sorted(with_suggested_groups(without_unphysical(judged), unnamed), key=best_first)
+
+
+def with_named(comparison: Comparison, judged: Sequence[Candidate], only_day: int | None = None) -> Comparison:
+    """A comparison whose own tests find nothing, with the named effects as findings and the noise that is left beside them.
+
+    The likeliest noise holds what such an effect makes, so that there would be no excess over it. Of effects that nothing tells
+    apart, the first counts. A fault of the reading, and what block means do not show, is in the scatter within blocks instead.
+    """
+    beside: dict[str, Current] = {}
+    for c in judged:
+        slow = c.decision == "add" and not c.effect.fast and c.effect.fault_of(c.values) is None
+        if slow and (c.named or c.axis not in beside):
+            beside[c.axis] = (beside.get(c.axis) or Current.of(comparison, c.axis)).with_effect(c.effect, c.values)
+    clean = {axis: current.fit for axis, current in beside.items()}
+    return replace(beside_named(comparison, clean, only_day), where=findings(comparison, judged))
 
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:

@@ -7,7 +7,7 @@ the residual; :func:`gyrocal.diagnosis.answer.compare.compare` adds what naming 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -175,9 +175,9 @@ class _Drawn:
     floor: Floor
 
     @staticmethod
-    def of(fitted: Fit, axis: str, found: Sequence[Finding], folds: list[heldout.Fold], scatter: Scatter) -> _Drawn:
+    def of(fitted: Fit, axis: str, clean: AxisFit, folds: list[heldout.Fold], scatter: Scatter) -> _Drawn:
+        """``clean`` is the fit beside the misfit, or that of the model itself where nothing is found."""
         current = fitted.axes[axis]
-        clean = beside_findings(current, axis, found)
         fit = current if clean is current else bounded(current, clean)
         held = heldout.predictions(fitted.on(axis, fit), folds)
         squares = MeanSquares.of(held) if clean is current else of_misfit(fit, held, folds)
@@ -194,8 +194,11 @@ def _drawn(
 
     def beside(found: Sequence[Finding], axes: Iterable[str]) -> dict[str, _Drawn]:
         listed = list(axes)
-        of_axes = each(lambda axis: _Drawn.of(fitted, axis, found, folds, scatter[axis]), listed, fitted.session.rows)
-        return dict(zip(listed, of_axes, strict=True))
+
+        def on(axis: str) -> _Drawn:
+            return _Drawn.of(fitted, axis, beside_findings(fitted.axes[axis], axis, found), folds, scatter[axis])
+
+        return dict(zip(listed, each(on, listed, fitted.session.rows), strict=True))
 
     drawn = beside(misfit.found, fitted.axes)
     told = replace(misfit, found=_described_again(fitted, drawn, misfit.found))
@@ -320,6 +323,20 @@ def _held_out(session: Session, folds: list[heldout.Fold]) -> str:
     if labels <= {str(r.day) for r in session.runs}:
         return "day"
     return "scenario" if labels <= set(session.scenarios) else "run"
+
+
+def beside_named(comparison: Comparison, clean: Mapping[str, AxisFit], only_day: int | None = None) -> Comparison:
+    """The comparison with the noise that is left beside effects that only their names have shown, by axis in ``clean``."""
+    fitted, folds = comparison.likeliest, heldout.folds(comparison.likeliest, only_day)
+    drawn = {a: _Drawn.of(fitted, a, fit, folds, comparison.scatter[a]) for a, fit in clean.items()}
+    squares = {**comparison.squares, **{a: d.squares for a, d in drawn.items()}}
+    floors = {**comparison.floors, **{a: d.floor for a, d in drawn.items()}}
+    told = beside_misfit(fitted, drawn, {a: d.fit for a, d in drawn.items()})
+    return replace(
+        comparison, fit=told, squares=squares, floors=floors, per_axis={a: Level.of(squares[a], floors[a]) for a in squares},
+        pooled=pooled(squares, floors, plausibility.absent(comparison.warnings)),
+        angles=comparison.angles and Angles.of(told, folds),
+    )  # fmt: skip
 
 
 def with_floor_of(before: Comparison, after: Comparison) -> Comparison:
