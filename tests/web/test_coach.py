@@ -143,6 +143,15 @@ def test_at_a_table_it_counts_to_six_says_flip_and_beeps(
     obeys(page, board)
 
 
+def becomes(page: Any, value: str, wanted: str) -> None:
+    """Wait until an expression of the page has the wanted value; tell what the page shows if it never does."""
+    try:
+        page.wait_for_function(f"() => {value} === '{wanted}'")
+    except Exception as error:
+        shown = "[...document.querySelectorAll('.strips input, .q-notification')].map(e => e.value ?? e.innerText)"
+        pytest.fail(f"{value} is {page.evaluate(value)!r} beside {page.evaluate(shown)}: {error}")
+
+
 def obeys(page: Any, board: Board) -> None:
     """The live chart: its tools, pause, window length, statistics, and a vertical range by hand."""
     chart = CHART % ".strips"
@@ -172,9 +181,9 @@ def obeys(page: Any, board: Board) -> None:
     page.get_by_role("spinbutton", name="to").fill("-70")
     page.get_by_role("button", name="Set", exact=True).click()
     y = f"[{chart}.getOption().yAxis[2].min, {chart}.getOption().yAxis[2].max]"
-    page.wait_for_function(f"() => {y}.join() === '-90,-70'")
+    becomes(page, f"{y}.join()", "-90,-70")
     page.get_by_role("button", name="Automatic").click()
-    page.wait_for_function(f"() => {y}.join() !== '-90,-70'")
+    becomes(page, f"{y}.join()", ",")
 
 
 def test_a_fast_replay_tells_the_rate_of_its_own_time() -> None:
