@@ -12,6 +12,7 @@ from gyrocal.cli import main
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.guess_units import Known
+from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
 
 N = 6000
@@ -95,6 +96,29 @@ def test_a_counter_of_samples_is_asked_for(tmp_path: Path, capsys: pytest.Captur
         assert main([*args, *option]) == 0
         assert json.loads(capsys.readouterr().out)["sample_rate_hz"] == pytest.approx(rate_hz)
         shutil.rmtree(tmp_path / "out")
+
+
+@pytest.mark.parametrize("first", ["slow", "fast"])
+def test_the_files_of_a_folder_have_one_unit(first: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A slow run's unit nothing decides: it became rad/s beside dps of the others, and nobody was asked."""
+    rng = np.random.default_rng(4)
+    acc = rng.normal([0, 0, 9.81], 1.5, (N, 3))
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    for kind, size_dps in (("slow", 9.0), ("fast", 300.0)):
+        rates = size_dps * np.column_stack([np.sin(T_S), 0.3 * np.sin(0.7 * T_S), 0.2 * np.cos(T_S)])
+        table = pl.DataFrame(np.column_stack([T_S, rates + rng.normal(0, 0.06, (N, 3)), acc]), schema=names)
+        table.write_csv(tmp_path / f"{'a' if kind == first else 'b'}_{kind}.csv")
+    args = [str(tmp_path), str(tmp_path / "out"), "--rate", "0", "--json"]
+    assert main(["import", *args]) == 0
+    assert "gx_dps=gx:dps" in json.loads(capsys.readouterr().out)["guessed"]
+    largest = sorted(float(np.abs(run.gyro_dps).max()) for run in Session.open(tmp_path / "out").runs)
+    assert largest == pytest.approx([9, 300], rel=0.05)
+    shutil.rmtree(tmp_path / "out")
+    (fast,) = tmp_path.glob("*_fast.csv")
+    fast.unlink()
+    shutil.copy(next(tmp_path.glob("*_slow.csv")), tmp_path / "c_slow.csv")
+    assert main(["import", *args]) == 2
+    assert "the unit of gx is not known" in capsys.readouterr().err
 
 
 def turned(rate: float) -> pl.DataFrame:
