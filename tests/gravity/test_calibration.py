@@ -11,10 +11,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from by_hand import lower_triangular, matrix_of, session_of, truth_of
+from by_hand import lower_triangular, matrix_of, session_of, truth_of, turned_by
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.gravity.calibrate import Calibration, calibrate
+from gyrocal.gravity.compare import compare
 from gyrocal.gravity.rests import find
 from gyrocal.recording.session import AXES, Session
 from gyrocal.simulation.simulate import simulate
@@ -190,6 +191,19 @@ def test_rests_that_moved_are_left_out_and_told() -> None:
     assert "3 quiet stretches moved" in told.text
     error = matrix_of(found)[0] - truth_of(truth)
     assert np.abs(error).max() < 0.003
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.7, 1.4, 2.0])
+def test_rates_of_a_wrong_range_are_told_by_their_factor(factor: float) -> None:
+    """Half the range that was set was said to scatter by hundreds of times the noise, whatever the cause."""
+    session = turned_by([("z", 90), ("y", 120), ("x", 90), ("y", -75), ("z", -60), ("x", -110), ("y", 90), ("z", 100)])
+    assert not compare(session).warnings
+    table = session.runs[0].frame.with_columns(pl.col(f"g{a}_dps") * factor for a in AXES)
+    (told,) = [w for w in compare(session_of(table)).warnings if w.code == "scale_implausible"]
+    assert told.blocking
+    assert f"the gyroscope turns by {factor:.2g} of the angles by which gravity turns" in told.text
+    overruled = compare(session_of(table, accept=("scale_implausible",))).warnings
+    assert not any(w.blocking for w in overruled)
 
 
 def test_other_methods_and_true_rates_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

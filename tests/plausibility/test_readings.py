@@ -240,6 +240,19 @@ def test_the_end_of_the_code_is_the_end_of_the_range(stated_dps: float | None, e
     assert reading_fault(session, "z", 1e-3) is None
 
 
+@pytest.mark.parametrize("lsb_dps", [1 / 131, None])
+def test_both_ends_of_a_word_with_a_sign_are_clipped(lsb_dps: float | None) -> None:
+    """The last code above zero is 32767, the first one below is -32768: only the second was counted."""
+    t_s = np.arange(4000) / 100
+    codes = np.clip(np.rint(131 * 300 * np.sin(t_s)) + np.random.default_rng(5).integers(-3, 4, t_s.size), -32768, 32767)
+    y = np.column_stack([np.zeros(t_s.size), np.zeros(t_s.size), codes / 131])
+    y[:, :2] += rounded(np.random.default_rng(6).normal(0, 0.1, (t_s.size, 2)), 1 / 131)
+    at_ends = int(np.sum(codes == 32767) + np.sum(codes == -32768))
+    session = make_session(make_run(t_s, y, rate_ref_dps=300 * np.sin(t_s)), lsb_dps=lsb_dps)
+    (told,) = [w for w in check(session) if w.code == "clipped"]
+    assert told.text.startswith(f"{at_ends} readings of z are at 250.13 dps")
+
+
 @pytest.mark.parametrize("reading_dps", [240.0, 249.98, 249.99625, 250.0, 260.0])
 def test_the_warning_and_the_flag_have_one_notion_of_clipping(reading_dps: float) -> None:
     readings = pair(seconds=8.0)

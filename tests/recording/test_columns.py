@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
+from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.guess import guess
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
 from gyrocal.recording.session import Session
@@ -143,6 +145,33 @@ def test_columns_that_are_stated_read_what_the_header_does_not_name(tmp_path: Pa
     assert wrong(readers.read(path, columns=NAMES).frame) == []
     with pytest.raises(InputError, match=r"no row of 4 cells with numbers in time, .*; most rows have 5 cells: name as many"):
         readers.read(path, columns=NAMES[:-1])
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_stated_columns_may_hold_words(tmp_path: Path, separator: str) -> None:
+    """The kind of a row, or a date in a column of its own."""
+    for word in ("GYRO", "2024-05-01"):
+        path = write(tmp_path, "\n".join(separator.join([word, *row]) for row in cells()))
+        frame = readers.read(path, columns=["word", *NAMES]).frame
+        assert wrong(frame.drop("word")) == []
+        assert frame.height == N
+
+
+def test_rows_of_two_sensors_are_told_by_their_words(tmp_path: Path) -> None:
+    """The accelerations between the rates would be read as rates."""
+    path = write(tmp_path, "\n".join(f"{kind} {10 * i} 0.1 0.2 {0.3 + i % 3}" for i in range(N) for kind in ("acc", "gyro")))
+    source = readers.read(path, columns=["what", "time", "gx", "gy", "gz"])
+    with pytest.raises(InputError, match=r"what says that the rows are of several sensors \(acc, gyro\); keep those of one"):
+        guess(source, Scaling())
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+@pytest.mark.parametrize("blank", ["", " ", "  ", "\t"])
+def test_lines_of_blanks_between_the_rows_are_no_rows(tmp_path: Path, separator: str, blank: str) -> None:
+    path = write(tmp_path, text(NAMES, cells(), separator, tail=f"\n{blank}\n"))
+    maps = ["t_s=time", *(f"{name}_dps={name}" for name in NAMES[1:4])]
+    found = read_recording(path, Options(maps, defaults={"table_rate_dps": 0.0}))
+    assert sum(len(run) for run in found.session.runs) == N
 
 
 def test_a_row_that_lacks_an_optional_cell_is_left_out_and_counted(tmp_path: Path) -> None:

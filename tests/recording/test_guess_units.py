@@ -1,6 +1,7 @@
 """Units that no name states: decided by gravity, a stated motion or noise, and asked for where none of them decides."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from gyrocal.cli import main
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.guess_units import Known
+from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
 
 N = 6000
@@ -49,6 +51,74 @@ def test_a_wrong_scale_of_the_accelerometer_is_told_and_not_mended() -> None:
     ax = next(g for g in found if g.map.startswith("ax_g"))
     assert ax.map == "ax_g=ax:g"
     assert "the scale of this accelerometer is wrong" in ax.why
+
+
+def accelerations(kind: str) -> pl.DataFrame:
+    """The rim of a wheel that rests now and then, or a phone's without gravity, of one who walks and stands, m/s2."""
+    rng = np.random.default_rng(2)
+    if kind == "wheel":
+        rate_dps = 900 * np.clip(2 * np.sin(T_S / 8) + 1, 0, 1)
+        angle = np.cumsum(np.radians(rate_dps)) / 100
+        acc = np.column_stack([-0.15 * np.radians(rate_dps) ** 2, 9.81 * np.sin(angle), 9.81 * np.cos(angle)])
+    else:
+        rate_dps = 30 * np.sin(T_S)
+        acc = np.exp(1.5 * np.sin(T_S / 3))[:, None] * rng.normal(0, 0.65, (N, 3))
+    rates = np.column_stack([rate_dps, 0.3 * rate_dps, 0.2 * rate_dps]) + rng.normal(0, 0.1, (N, 3))
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    return pl.DataFrame(np.column_stack([T_S, rates, acc + rng.normal(0, 0.05, (N, 3))]), schema=names)
+
+
+def test_what_a_wheel_adds_to_gravity_is_no_other_unit() -> None:
+    """Half of its accelerations exceed 2 g, and m/s2 were taken for thousandths of g."""
+    table = accelerations("wheel")
+    assert np.median(np.linalg.norm(table[["ax", "ay", "az"]].to_numpy(), axis=1)) > 2 * 9.81
+    ax = next(g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("ax_g"))
+    assert ax.map == "ax_g=ax:m/s2"
+    assert "wrong" not in ax.why
+
+
+def test_accelerations_without_gravity_are_not_taken_for_g() -> None:
+    """Their median is 1 m/s2, which looks like 1 g, but they go up and down as gravity does not."""
+    table = accelerations("phone")
+    assert 0.8 < np.median(np.linalg.norm(table[["ax", "ay", "az"]].to_numpy(), axis=1)) < 1.25
+    assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("a")]
+
+
+def test_a_counter_of_samples_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whether a stamp that goes on by one is a sample or a millisecond, nothing in the file says."""
+    table = turned(20.0).with_columns(pl.int_range(pl.len()).alias("Timestamp")).drop("t")
+    table.rename({f"g{a}": f"Gyro_{a}_deg_per_s" for a in "xyz"}).write_csv(tmp_path / "ble.csv")
+    args = ["import", str(tmp_path / "ble.csv"), str(tmp_path / "out"), "--rate", "20", "--json"]
+    assert main(args) == 2
+    told = capsys.readouterr().err
+    assert "Timestamp is not known (it goes on by one: it counts the samples, or ms with 1000 samples a second)" in told
+    for option, rate_hz in (["--rate-hz", "50"], 50.0), (["--map", "t_s=Timestamp:ms"], 1000.0):
+        assert main([*args, *option]) == 0
+        assert json.loads(capsys.readouterr().out)["sample_rate_hz"] == pytest.approx(rate_hz)
+        shutil.rmtree(tmp_path / "out")
+
+
+@pytest.mark.parametrize("first", ["slow", "fast"])
+def test_the_files_of_a_folder_have_one_unit(first: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A slow run's unit nothing decides: it became rad/s beside dps of the others, and nobody was asked."""
+    rng = np.random.default_rng(4)
+    acc = rng.normal([0, 0, 9.81], 1.5, (N, 3))
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    for kind, size_dps in (("slow", 9.0), ("fast", 300.0)):
+        rates = size_dps * np.column_stack([np.sin(T_S), 0.3 * np.sin(0.7 * T_S), 0.2 * np.cos(T_S)])
+        table = pl.DataFrame(np.column_stack([T_S, rates + rng.normal(0, 0.06, (N, 3)), acc]), schema=names)
+        table.write_csv(tmp_path / f"{'a' if kind == first else 'b'}_{kind}.csv")
+    args = [str(tmp_path), str(tmp_path / "out"), "--rate", "0", "--json"]
+    assert main(["import", *args]) == 0
+    assert "gx_dps=gx:dps" in json.loads(capsys.readouterr().out)["guessed"]
+    largest = sorted(float(np.abs(run.gyro_dps).max()) for run in Session.open(tmp_path / "out").runs)
+    assert largest == pytest.approx([9, 300], rel=0.05)
+    shutil.rmtree(tmp_path / "out")
+    (fast,) = tmp_path.glob("*_fast.csv")
+    fast.unlink()
+    shutil.copy(next(tmp_path.glob("*_slow.csv")), tmp_path / "c_slow.csv")
+    assert main(["import", *args]) == 2
+    assert "the unit of gx is not known" in capsys.readouterr().err
 
 
 def turned(rate: float) -> pl.DataFrame:

@@ -56,6 +56,27 @@ def test_a_folder_of_a_phone_is_one_recording(tmp_path: Path, capsys: pytest.Cap
     assert run.acc_g[known] == pytest.approx(gravity(T_S[known]) / 9.80665, abs=0.03)
 
 
+def test_numbers_of_the_sensors_are_no_other_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    phone(tmp_path / "phone")
+    (tmp_path / "phone" / "Gyroscope.csv").rename(tmp_path / "phone" / "gyroscope_2.csv")
+    (tmp_path / "phone" / "TotalAcceleration.csv").rename(tmp_path / "phone" / "accelerometer_1.csv")
+    (tmp_path / "phone" / "Accelerometer.csv").unlink()
+    assert main(["import", str(tmp_path / "phone"), str(tmp_path / "out"), "--gravity", "--json"]) == 0
+    assert "ay_g=accelerometer_1.y:m/s2" in json.loads(capsys.readouterr().out)["guessed"]
+
+
+def test_numbers_of_recordings_are_kept_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number in (1, 2):
+        phone(tmp_path / "phone", f"{number}_")
+        for name in ("Gyroscope", "TotalAcceleration"):
+            (tmp_path / "phone" / f"{number}_{name}.csv").rename(tmp_path / "phone" / f"{name}_{number}.csv")
+        (tmp_path / "phone" / f"{number}_Accelerometer.csv").unlink()
+    assert main(["import", str(tmp_path / "phone"), str(tmp_path / "out"), "--gravity", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"] == 2
+    for run in Session.open(tmp_path / "out").runs:
+        assert np.isfinite(run.acc_g).all(axis=1).mean() > 0.9
+
+
 def test_two_recordings_in_a_folder_are_two_runs(tmp_path: Path) -> None:
     for prefix in ("a_", "b_"):
         phone(tmp_path / "phone", prefix)

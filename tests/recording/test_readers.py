@@ -15,6 +15,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
+from gyrocal.recording.readers.topics import chosen
 
 N = 300
 START_NS = 1_700_000_000_123_456_789
@@ -113,6 +114,12 @@ def test_ros_bags(tmp_path: Path, form: str, require_module: Callable[[str], Non
         readers.read(path, topic="/imu/dat")
     if form == "mcap":
         check(next(path.glob("*.mcap")))
+
+
+def test_a_log_without_a_topic_of_readings_is_told_so(tmp_path: Path) -> None:
+    """One topic of odometry was called several topics."""
+    with pytest.raises(InputError, match=r"no topic is known to hold .*; choose one by --topic: /odom$"):
+        chosen(tmp_path / "a.bag", None, ["/odom"], [])
 
 
 def ulog(path: Path) -> None:

@@ -177,6 +177,17 @@ def test_samples_that_share_the_stamp_of_their_arrival_stay(coarse: bool, tmp_pa
     assert len(found.session.runs[0]) == 2000
 
 
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_stale_stamp_loses_no_sample(after: int) -> None:
+    """Now and then a stamp is that of the sample before, and the clock catches up at once or a sample later."""
+    t_s = np.arange(6000) / 100
+    for i in range(500, 5500, 450):
+        t_s[i : i + 1 + after] -= 0.01
+    found = regression(t_s)
+    assert found.lost == 0
+    assert found.period_s == pytest.approx(0.01, rel=1e-6)
+
+
 def test_exchanged_rows_lose_no_sample() -> None:
     true_s = np.arange(6000) / 100.0
     t_s = true_s.copy()

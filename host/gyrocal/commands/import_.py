@@ -239,6 +239,9 @@ def decided(found: "Imported") -> None:
     from gyrocal.errors import InputError
 
     asked = [g for g in found.guessed if g.asks]
+    if asked and asked[0].map.startswith("t_s="):
+        stated = f"{asked[0].option} '{asked[0].map}'"
+        raise InputError(f"{asked[0].question}. Say which by --rate-hz, the samples a second, or by {stated}")
     if asked:
         other = "dps" if asked[0].map.endswith(":rad/s") else "rad/s"
         same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)

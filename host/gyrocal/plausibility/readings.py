@@ -177,7 +177,22 @@ def clip_levels_dps(session: Session) -> Levels:
 
 
 def clip_level_dps(session: Session, axis: int) -> float | None:
-    """The reading at which an axis is clipped, deg/s; None if it is not clipped.
+    """The size of the readings from which on an axis is clipped, deg/s; None if it is not clipped.
+
+    A word with a sign has one code more below zero than above. If readings accumulate at both ends, the level is the nearer
+    one.
+    """
+    level = _largest_clipped_dps(session, axis)
+    if level is None:
+        return None
+    readings = np.concatenate([r.gyro_dps[:, axis] for r in session.runs])
+    nearer = min(float(readings.max()), -float(readings.min()))
+    both = 0 < level - nearer < 1.5 * step_dps(session, axis)
+    return nearer if both and np.count_nonzero(np.abs(np.abs(readings) - nearer) < 1e-6) >= FIRST else level
+
+
+def _largest_clipped_dps(session: Session, axis: int) -> float | None:
+    """The largest reading of an axis if it is clipped, deg/s, or the end that a fault states; None if it is not clipped.
 
     Readings at the stated full scale or beyond are clipped, as a calibration's flag has it; the level is the largest reading if
     several have it, because chips read a little more than their nominal range. Else readings accumulate at the largest value

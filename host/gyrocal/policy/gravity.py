@@ -35,6 +35,11 @@ class Gravity:
         larger="a gyroscope whose range is exceeded is refused", smaller="readings in a wrong unit are calibrated",
         chosen_by="readings in deg/s have 1 or more, in rad/s 0.02 to 0.1; pytest tests/gravity/test_calibration.py",
     )  # fmt: skip
+    largest_factor: float = threshold(
+        4.0, "largest factor by which the rates may be off, looked for where they do not lead gravity from rest to rest",
+        larger="turns by whole circles are mistaken for others", smaller="a range that is off by two steps is not told",
+        chosen_by="two steps of a sensor's ranges; pytest tests/gravity/test_calibration.py",
+    )  # fmt: skip
     fewest_rests: int = threshold(
         4, "number of rests below which a session is refused",
         larger="short sessions that would give an answer are refused", smaller="a scale is stated from one movement",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
@@ -64,6 +65,8 @@ BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
 OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
 """A column of a phone's file ``Gyroscope.csv`` that was joined with those of other sensors."""
+OF_GYROSCOPES = r"(?i)g|gyr\w*|w|omega|angular\w*"
+"""Words of a cell that says that a row is of a gyroscope."""
 WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
 """Words of a column that says which sensor a row is of."""
 MOST_SENSORS = 16
@@ -208,12 +211,15 @@ def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
 
 
 def _check_one_sensor(source: Source) -> None:
-    """Raise InputError if a column says that the rows are of several sensors in turn."""
+    """Raise InputError if a column says that the rows are of several sensors in turn, by its name or by words in its cells."""
     for name in source.frame.columns:
-        if not re.fullmatch(WHICH_SENSOR, bare_name(name)[0]):
-            continue
         column = source.frame[name].drop_nulls()
+        named = re.fullmatch(WHICH_SENSOR, bare_name(name)[0]) is not None
+        if not named and column.dtype != pl.String:
+            continue
         kinds = column.unique(maintain_order=True)
+        if not named and not any(re.fullmatch(OF_GYROSCOPES, str(kind)) for kind in kinds[: MOST_SENSORS + 1]):
+            continue
         if 2 <= len(kinds) <= MOST_SENSORS and (column != column.shift()).sum() > ALTERNATE * len(column):
             shown = ", ".join(f"{kind:g}" if isinstance(kind, float) else str(kind) for kind in kinds)
             raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
@@ -261,7 +267,8 @@ def _as_time(source: Source, name: str, t_s: Array, rate_hz: float | None) -> Gu
     step = period_s(np.maximum.accumulate(t_s[:2000]))
     if bare_name(name)[0] == "sample_time_fine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
         return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
-    if rate_hz is not None and np.all(t_s == np.rint(t_s)) and np.median(np.diff(t_s)) == 1 and not _of_a_unit(rate_hz):
+    counts = bool(np.all(t_s == np.rint(t_s))) and np.median(np.diff(t_s)) == 1
+    if rate_hz is not None and counts and not _of_a_unit(rate_hz):
         return Guess(f"t_s={name}*{1 / rate_hz:.9g}", "it counts the samples")
     if step <= 0 or any(shows_clock(t_s + source.start_s(ColumnMap("t_s", name)), size) for _, size in TIME_UNITS):
         return None
@@ -288,6 +295,9 @@ def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess |
         return None
     (unit, size, hz), (longer, _, slow_hz) = usual[0], slow[0]
     duration_s = float(np.ptp(t_s)) * size
+    if np.all(np.diff(t_s) == 1) and np.all(t_s == np.rint(t_s)):
+        why = f"it goes on by one: it counts the samples, or {unit} with {hz:.4g} samples a second"
+        return Guess(f"t_s={name}:{unit}", why, asks=True)
     if longer == unit:
         return Guess(f"t_s={name}:{unit}", f"its steps make {hz:.4g} samples a second")
     if _too_fast(source, duration_s):

@@ -26,6 +26,8 @@ COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
 COUNTS_PER_DPS = 131
 """Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
+ACCELERATIONS = (("m/s2", STANDARD_GRAVITY), ("mg", 1e3), ("g", 1.0))
+"""Units, and the size of gravity in each."""
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
 LEAST_G = 0.2
 """Readings of a smaller size are accelerations without gravity."""
@@ -33,6 +35,9 @@ LOOKS_S = (0.3, 1.0, 3.0)
 """Times over which the turn of gravity is compared with that of the rates, s."""
 MEAN_S = 0.1
 """Time over which accelerations are averaged, s."""
+VARIES = 2.0
+"""Upper over lower quartile of the sizes of accelerations, from which on gravity is no more than the least of them: 1.1 to 1.6
+on feet, drones, robots and in hands, 4.5 to 5.1 at the rim of a wheel, 3.3 to 5.7 of a phone's acceleration without gravity."""
 STEADY = 0.15
 """Accelerations whose size is off the median by a larger part show more than gravity."""
 MOVING = 0.2
@@ -86,15 +91,17 @@ def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
     """The unit of three columns; None if they hold no gravity."""
     parts = [values_of(source, name) for name in names]
     length = min(p.size for p in parts)
-    size = float(np.median(np.sqrt(sum(p[:length] ** 2 for p in parts)))) if length else 0.0
+    sizes = np.sqrt(sum(p[:length] ** 2 for p in parts)) if length else np.zeros(1)
+    least, size, most = (float(q) for q in np.quantile(sizes, (0.25, 0.5, 0.75)))
     stated = stated_unit(names[0], "acceleration")
     if stated is not None or source.si:
-        one = {"m/s2": STANDARD_GRAVITY, "mg": 1e3, "g": 1.0}[stated or "m/s2"]
+        one = dict(ACCELERATIONS)[stated or "m/s2"]
         why = "the unit is in its name" if stated else "messages of this kind are in m/s2"
         return Unit(f":{stated or 'm/s2'}", why) if size > LEAST_G * one else None
-    for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
-        if 0.8 < size / one < 1.25:
-            return Unit(f":{unit}", f"its size is {size:.4g}")
+    varies = most > VARIES * least
+    for unit, one in ACCELERATIONS[:-1] if varies else ACCELERATIONS:  # 1 m/s2 of a motion without gravity looks like 1 g
+        if 0.8 < (least if varies else size) / one < 1.25:
+            return Unit(f":{unit}", f"its size is {least:.4g} and more" if varies else f"its size is {size:.4g}")
     for counts in COUNTS_PER_G:
         if 0.9 < size / counts < 1.1:
             return Unit(f"/{counts}", f"its size is {size:.6g} counts")
@@ -102,7 +109,9 @@ def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
         return None
     if all(np.array_equal(p, np.rint(p)) for p in parts):
         return Unit(f"/{size:.6g}", f"its size, {size:.6g} counts, is taken for 1 g")
-    unit, one = next((u for u in (("g", 1.0), ("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if size < 2 * u[1]), ("mg", 1e3))
+    if varies:
+        return None
+    unit, one = min(ACCELERATIONS, key=lambda unit: abs(np.log(size / unit[1])))
     return Unit(f":{unit}", f"its size is {size:.4g}, and gravity is {one:.4g}: the scale of this accelerometer is wrong")
 
 

@@ -128,12 +128,15 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     names = [stem_of(file.gyroscope) for file in files] if len(files) > 1 else []
     for file in files:
         read = _read_file(file, replace(options, axis=axis), number + len(runs), names)
+        if any(g.asks for g in read.guessed) and (sure := _decided_by_another(read.guessed, file, files, options)):
+            stated = replace(options, axis=axis, maps=[*(g.map for g in sure), *options.maps])
+            read = replace(_read_file(file, stated, number + len(runs), names), guessed=sure)
         runs += read.session.runs
         corrected.add(read.session.corrected)
         _check_alike(file.gyroscope, corrected)
         axis = axis or read.session.axis
         warnings += read.warnings
-        guessed = guessed or read.guessed
+        guessed = read.guessed if not guessed or any(g.asks for g in read.guessed) else guessed
         rows += tuple(row for row in read.first_rows if row.map not in {other.map for other in rows})
         for what, count in read.repaired.items():
             repaired[what] = repaired.get(what, 0) + count
@@ -147,6 +150,18 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     return Imported(
         session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows), len(files)
     )
+
+
+def _decided_by_another(
+    asked: Sequence[Guess], file: Files, files: Sequence[Files], options: Options
+) -> tuple[Guess, ...]:
+    """The guess at the first other file of the same columns that decides their units; empty if none does."""
+
+    def columns(guessed: Sequence[Guess]) -> set[tuple[str, str]]:
+        return {(m.target, m.column) for m in (ColumnMap.parse(g.map, options.scaling) for g in guessed)}
+
+    others = (mapped_columns(other, options).guessed for other in files if other is not file)
+    return next((g for g in others if columns(g) == columns(asked) and not any(each.asks for each in g)), ())
 
 
 def _check_alike(file: Path, corrected: set[str | None]) -> None:

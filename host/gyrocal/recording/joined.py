@@ -37,10 +37,24 @@ class Files:
 
 
 def recordings(files: Sequence[Path]) -> list[Files]:
-    """The recordings in a folder of tables. Files whose names differ in the name of the sensor alone are of one recording."""
+    """The recordings in a folder of tables. Files whose names differ in the name of the sensor alone are of one recording.
+
+    Numbers behind the sensors' names count the sensors, as in ``gyroscope_2`` beside ``accelerometer_1``, if no recording has
+    files with the same number.
+    """
+    sensor = rf"{GYROSCOPE}|{OF_OTHERS}"
+    for one in (sensor, rf"(?:{sensor})_?\d+"):
+        found = _grouped(files, one)
+        if any(f.others for f in found):
+            return found
+    return [Files(file) for file in files]
+
+
+def _grouped(files: Sequence[Path], sensor: str) -> list[Files]:
+    """The recordings with a gyroscope among files whose names are the same without the sensor's."""
     groups: dict[str, list[Path]] = {}
     for file in files:
-        groups.setdefault(re.sub(rf"{GYROSCOPE}|{OF_OTHERS}", "*", _words(file)), []).append(file)
+        groups.setdefault(re.sub(sensor, "*", _words(file)), []).append(file)
     found = []
     for group in groups.values():
         own = [f for f in group if not re.search(DERIVED, _words(f))]
@@ -48,7 +62,7 @@ def recordings(files: Sequence[Path]) -> list[Files]:
         others = [f for f in own if f not in gyroscopes and re.search(OF_OTHERS, _words(f))]
         if len(gyroscopes) == 1:
             found.append(Files(gyroscopes[0], tuple(sorted(others, key=lambda f: "total" not in _words(f)))))
-    return found if any(f.others for f in found) else [Files(file) for file in files]
+    return found
 
 
 def _words(file: Path) -> str:

@@ -332,16 +332,20 @@ def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
 
     A late arrival is followed by others that catch up, and a loss is not. The earliest stamp but one, relative to an even
     course, of the ``size`` samples after a long step is compared with that of the samples before it. (A single stamp may
-    be too early.) A step with fewer than ``least`` samples after it cannot be judged.
+    be too early; of a clock that is right but for single incidents, so may that of the sample after it.) A step with fewer than
+    ``least`` samples after it cannot be judged.
     """
+    steps = np.diff(t_s)
+    middle_s = float(np.median(steps))
+    early = 2 if np.mean(np.abs(steps - middle_s) < USUAL * middle_s) > MOSTLY_USUAL else 1
 
     def earliest_s(part: Array) -> float:
-        return float(np.partition(part, 1)[1]) if part.size > 2 else float(part.min())
+        return float(np.partition(part, early)[early]) if part.size > early + 1 else float(part.min())
 
     late_s = t_s - t_s[0] - interval_s * np.arange(t_s.size)
     lost = np.zeros(t_s.size, dtype=np.intp)
     since = 0
-    for i in np.flatnonzero(np.diff(t_s)[: -least or None] > LONG * interval_s).tolist():
+    for i in np.flatnonzero(steps[: -least or None] > LONG * interval_s).tolist():
         i += 1
         shift_s = earliest_s(late_s[i : i + size]) - earliest_s(late_s[max(since, i - size) : i])
         count = round(shift_s / interval_s + 0.5 - LOST)

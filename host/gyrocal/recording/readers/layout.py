@@ -88,15 +88,18 @@ def find(path: Path, lines: Sequence[str], names: Sequence[str], skip: int | Non
 def find_rows(
     path: Path, lines: Sequence[str], columns: Sequence[str], names: Sequence[str], skip: int | None, option: str
 ) -> Layout:
-    """The layout of a table whose ``columns`` are stated, from the first row that has as many cells and the wanted numbers."""
-    wanted = [i for i, column in enumerate(columns) if column in (names or columns)]
+    """The layout of a table whose ``columns`` are stated, from the first row that has as many cells and the wanted numbers.
+
+    Where no names are wanted, most cells hold numbers: a column may hold words, such as a date or the kind of the row.
+    """
+    wanted = [i for i, column in enumerate(columns) if column in names]
     counted: Counter[int] = Counter()
     for number, line in _window(lines, skip):
         for separator in SEPARATORS:
             cells = _cells(line, separator)
             if not _holds_row(line, separator) or len(cells) < len(columns) or any(cells[len(columns) :]):
                 counted[len(cells)] += len(cells) > 1 and mostly_numbers(cells)
-            elif all(is_number(cells[i], True) or CLOCK.search(cells[i]) for i in wanted):
+            elif all(is_number(cells[i], True) or CLOCK.search(cells[i]) for i in wanted) and (wanted or mostly_numbers(cells)):
                 rows = _rows_below(lines, number - 1, separator)
                 if _width(rows) == len(cells):
                     return Layout(list(columns), len(cells), number, separator)

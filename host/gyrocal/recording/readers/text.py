@@ -121,7 +121,7 @@ def _first_lines(data: bytes, end: int, most: int) -> tuple[list[int], list[str]
 
 
 def _frame(path: Path, rows: memoryview, layout: Layout, names: list[str], option: str) -> pl.DataFrame:
-    """All rows of a table: as numbers where there are no others, else as text. Comments are blank lines.
+    """All rows of a table: as numbers where there are no others, else as text. Comments and lines of blanks are blank lines.
 
     The cells of a row with another number of cells are ``OTHER_WIDTH``, unless it is a line of text without a number.
     """
@@ -130,7 +130,7 @@ def _frame(path: Path, rows: memoryview, layout: Layout, names: list[str], optio
     body = b"".join([layout.width * separator.encode(), b"\n", rows])
     numeric = not body.translate(None, NUMBERS + separator.encode())
     if not numeric:
-        body = _without_comments(body, separator)
+        body = re.sub(rb"(?m)(?<=\n)[ \t]+$", b"", _without_comments(body, separator))
     if separator == " ":
         width, _, blank = body.partition(b"\n")
         body = width + b"\n" + re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", blank))

@@ -16,6 +16,6 @@ def chosen(path: Path, topic: str | None, topics: Sequence[str], preferred: Sequ
     if topic is not None and topic not in topics:
         raise InputError(f"{path}: no topic {topic!r}{did_you_mean(topic, topics)}; there are {shown}")
     if topic is None and not preferred:
-        several = f"several topics; choose one by {option}topic: {shown}"
-        raise InputError(f"{path}: {several if topics else 'no topics in it'}")
+        known = f"no topic is known to hold a gyroscope's readings; choose one by {option}topic: {shown}"
+        raise InputError(f"{path}: {known if topics else 'no topics in it'}")
     return topic if topic is not None else preferred[0]
