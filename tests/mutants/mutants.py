@@ -9,9 +9,10 @@
 A folder is one of FOLDERS, or `core`, the C core, and its tests are those of the folder in tests/ with its name, or of --tests.
 They run in a copy of the tree, without an edit first: a folder whose tests fail by themselves is refused, and an edit with
 which they take far longer is caught, for it hangs. Files of tests that caught most edits of the same source come first, then
-the quickest. Of the C core, these are the files that call the edited function, as gcov counts, or run another build of it. An
-edit of C that warns or leaves the object code as it is, is not drawn. With --out, what was judged before is not judged again.
-mutmut and cosmic-ray know no C, run one command for all files, and draw no sample by a seed.
+those of its name, then the quickest. Of the C core, only the files that call the edited function run, as gcov counts, and
+those that run another build of it. An edit of C that warns or leaves the object code as it is, is not drawn. With --out, what
+was judged before is not judged again. mutmut and cosmic-ray know no C, run one command for all files, and draw no sample by a
+seed.
 """
 
 from __future__ import annotations
@@ -221,7 +222,9 @@ class Tree:
 def by_promise(
     files: dict[str, float], mutant: Mutant, judged: Iterable[Judged], reached: dict[str, set[tuple[str, int]]]
 ) -> list[str]:
-    """The files of tests that may notice: those first that caught most edits of the same source, then of any, then as given."""
+    """The files of tests that may notice: first what caught most edits of the same source, then what bears its name, then what
+    caught most of any, then as given.
+    """
     same, any_source = Counter[str](), Counter[str]()
     for row in judged:
         any_source[row.by] += 1
@@ -230,7 +233,8 @@ def by_promise(
     if not any(lines & called for called in reached.values()):  # in no function, perhaps a table
         lines = {line for called in reached.values() for line in called if line[0] == mutant.file}
     noticing = [file for file in files if file not in reached or lines & reached[file]]
-    return sorted(noticing, key=lambda file: (-same[file], -any_source[file]))
+    name = Path(mutant.file).stem.removeprefix("gc_")
+    return sorted(noticing, key=lambda file: (-same[file], name not in file, -any_source[file]))
 
 
 def read(path: Path | None) -> dict[str, Judged]:

@@ -65,14 +65,30 @@ def test_an_edited_text_is_another_program() -> None:
 
 
 def test_a_draw_is_that_of_its_seed_and_compiles() -> None:
-    every = mutants.mutants(["noise", "core"])
-    drawn = [m.key for m in mutants.draw(every, 2, 7)]
-    assert drawn == [m.key for m in mutants.draw(every, 2, 7)]
-    assert drawn != [m.key for m in mutants.draw(every, 2, 8)]
-    assert len(set(drawn)) == 2
+    every = [m for m in mutants.mutants(["noise", "core"]) if m.folder == "noise" or m.file.endswith("gc_rest.c")]
+    drawn = [m.key for m in mutants.draw(every, 4, 7)]
+    assert drawn == [m.key for m in mutants.draw(every, 4, 7)]
+    assert drawn != [m.key for m in mutants.draw(every, 4, 8)]
+    assert len(set(drawn)) == 4
     assert {m.file.rpartition(".")[2] for m in every} == {"py", "c"}
     broken = mutants.Mutant("host/gyrocal/units.py", "noise", mutants.Edit("none", 0, 0, "("))
     assert not broken.compiles()
+    same = mutants.Mutant(str(mutants.CORE / "gc_span.c"), "core", mutants.Edit("none", 0, 0, "\n"))
+    assert not same.compiles()
+
+
+def test_files_that_call_the_edited_function_come_by_what_they_caught_and_by_name() -> None:
+    edited = mutants.Mutant(str(mutants.CORE / "gc_span.c"), "core", mutants.Edit("none", 0, 0, ";"))
+    files = {"quick": 1.0, "apart": 2.0, "often": 3.0, "same": 4.0, "test_span": 5.0, "uncounted": 6.0}
+    called = {edited.line}
+    reached = {"quick": called, "apart": {("gc_span.c", 1)}, "often": called, "same": called, "test_span": called}
+
+    def caught(file: str, by: str) -> mutants.Judged:
+        return mutants.Judged("", file, "core", "", "caught", 1.0, [], "", by)
+
+    judged = [caught("gc_wire.c", "often"), caught("gc_run.c", "often"), caught(edited.file, "same")]
+    assert mutants.by_promise(files, edited, judged, reached) == ["same", "test_span", "often", "quick", "uncounted"]
+    assert set(mutants.by_promise(files, edited, judged, {"apart": {("gc_span.c", 1)}})) == files.keys() - {"apart"}
 
 
 @pytest.fixture
