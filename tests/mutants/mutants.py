@@ -6,13 +6,13 @@
     python tests/mutants/mutants.py --folders inference -- -m "not slow"
     python tests/mutants/mutants.py --folders core --out core.jsonl --again --tests parity firmware   # by further tests
 
-A folder is one of FOLDERS, or `core`, the C core, and its tests are those of the folder in tests/ with its name, or of --tests.
-They run in a copy of the tree, without an edit first: a folder whose tests fail by themselves is refused, and an edit with
-which they take far longer is caught, for it hangs. Files of tests that caught most edits of the same source come first, then
-those of its name, then the quickest. Of the C core, only the files that call the edited function run, as gcov counts, and
-those that run another build of it. An edit of C that warns or leaves the object code as it is, is not drawn. With --out, what
-was judged before is not judged again. mutmut and cosmic-ray know no C, run one command for all files, and draw no sample by a
-seed.
+A folder is one of FOLDERS, or `core`, the C core, and its tests are those of the folder in tests/ with its name (CORE_TESTS),
+or of --tests. They run in a copy of the tree, without an edit first: a folder whose tests fail by themselves is refused, and an
+edit with which they take far longer is caught, for it hangs. Files of tests that caught most edits of the same source come
+first, then those of its name, then the quickest. Of the C core, only the files that call the edited function run, as gcov
+counts, and those that run another build of it. An edit of C that warns or leaves the object code as it is, is not drawn. With
+--out, what was judged before is not judged again. mutmut and cosmic-ray know no C, run one command for all files, and draw no
+sample by a seed.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ from mutant_edits import Edit, c_edits, python_edits
 ROOT = Path(__file__).resolve().parents[2]
 HOST, CORE = Path("host/gyrocal"), Path("firmware/gyrocal_firmware/lib/gyrocal_core")
 FOLDERS = ("recording", "noise", "effects", "inference", "plausibility", "evidence", "diagnosis", "calibration", "fleet")
+CORE_TESTS = ("core", "parity/test_trust.py")
 TIMES_LONGER, AND_S = 3.0, 60.0
 """An edit is caught if its tests take this many times as long as without it, and this much more."""
 COMPILE = ("cc", "-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic")
@@ -262,7 +263,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="a file of JSON lines, which is read first and added to")
     parser.add_argument("--again", action="store_true", help="judge the survivors of --out again instead of a draw")
-    parser.add_argument("--tests", nargs="+", help="folders in tests/ instead of those of the folder's name")
+    parser.add_argument("--tests", nargs="+", help="folders in tests/ or files in tests/ instead of the folder's own")
     parser.add_argument("pytest", nargs="*", help="after --: what pytest takes, such as -m 'not slow'")
     options = parser.parse_args()
     before = read(options.out)
@@ -274,7 +275,8 @@ def main() -> None:
         reached: dict[str, set[tuple[str, int]]] = {}
         for mutant in todo:
             if mutant.folder not in alone:
-                tests = [f"tests/{name}" for name in options.tests or [mutant.folder]]
+                own = CORE_TESTS if mutant.folder == "core" else (mutant.folder,)
+                tests = [f"tests/{name}" for name in options.tests or own]
                 counted = mutant.folder == "core" and shutil.which("gcov") is not None
                 passed, alone[mutant.folder], output = tree.tested(tests, options.pytest, counted=counted)
                 if not passed:
