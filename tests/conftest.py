@@ -20,6 +20,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--wide", action="store_true", help="also the tests that are marked wide")
 
 
+@pytest.hookimpl(trylast=True)  # what -m leaves out decides nothing
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Files with a slow test begin first, so that at the end no worker waits for one of them. Wide tests are asked for."""
     if not config.getoption("--wide"):
@@ -60,7 +61,9 @@ def require_module() -> Callable[[str], None]:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Objects:
-    """Objects of C sources that all workers share."""
+    """Objects of C sources that all workers share, and with GYROCAL_OBJECTS, the folder that it names, later runs too."""
+    if kept := os.environ.get("GYROCAL_OBJECTS"):
+        return Objects(Path(kept))
     root = tmp_path_factory.getbasetemp()
     return Objects((root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "compiled")
 

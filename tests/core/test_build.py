@@ -15,6 +15,7 @@ SOURCES = sorted(CORE.rglob("*.c"))
 HEADERS = sorted(CORE.rglob("*.h"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("compiler", "fixed"), [("gcc", 0), ("gcc", 1), ("clang", 0), pytest.param("clang", 1, marks=pytest.mark.wide)]
 )
@@ -36,6 +37,7 @@ def test_clang_tidy_finds_nothing() -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.slow
 def test_headers_stand_alone_in_c_and_cplusplus(require_tool: Callable[[str], str], tmp_path: Path) -> None:
     for header in HEADERS:
         for name, language in (("one.c", "-std=c99"), ("one.cpp", "-std=c++11")):
@@ -45,6 +47,7 @@ def test_headers_stand_alone_in_c_and_cplusplus(require_tool: Callable[[str], st
             assert done.returncode == 0, (header.name, done.stderr)
 
 
+@pytest.mark.slow
 def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
     require_tool: Callable[[str], str], tmp_path: Path
 ) -> None:

@@ -33,13 +33,20 @@ def test_the_folders_hold_the_same_effects() -> None:
     assert sorted(e.id for e in effects().values() if e.on_device) == IDS
 
 
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the program of each effect, so that each is built once."""
+    folder = tmp_path_factory.mktemp("effects")
+    for effect_id in IDS:
+        (folder / f"{effect_id}.c").write_text(PROGRAM % {"id": effect_id})
+    return folder
+
+
 @pytest.mark.parametrize("effect_id", IDS)
 @pytest.mark.parametrize(("face", "table_dps"), [("up", 78.0), ("down", 78.0), ("up", -30.5), ("down", 0.0)])
 def test_c_column_is_the_python_column(
-    build: Build, tmp_path: Path, effect_id: str, face: str, table_dps: float
+    build: Build, programs: Path, effect_id: str, face: str, table_dps: float
 ) -> None:
-    source = tmp_path / f"{effect_id}.c"
-    source.write_text(PROGRAM % {"id": effect_id})
     rng = np.random.default_rng(1)
     t_s = np.round(np.arange(200) / 145, 6)
     sign = 1.0 if face == "up" else -1.0
@@ -55,5 +62,5 @@ def test_c_column_is_the_python_column(
         for k, arg in enumerate(arguments):
             line = " ".join(repr(float(x)) for x in (*arg, 0, 0, 0, 0)[:4])
             text = "".join(" ".join(map(repr, map(float, row))) + f" {line}\n" for row in rows)
-            got = np.array(run(build(source), text).split(), float)
+            got = np.array(run(build(programs / f"{effect_id}.c"), text).split(), float)
             np.testing.assert_allclose(got, expected[:, k], rtol=1e-5, atol=1e-5 * np.abs(expected).max())

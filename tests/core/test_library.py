@@ -87,6 +87,7 @@ def test_without_a_compiler_of_the_system_that_of_a_package_serves(
         library.compiler()
 
 
+@pytest.mark.slow
 def test_another_compiler_is_another_build(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
     clang = require_tool("clang")
     by_cc = library.build_core()
@@ -96,6 +97,7 @@ def test_another_compiler_is_another_build(require_tool: Callable[[str], str], m
     assert library.Core().exp(1.0) == np.float32(np.e)
 
 
+@pytest.mark.slow
 def test_processes_that_build_at_once_agree(cache: Path) -> None:
     code = "from gyrocal.core.library import Core; print(Core().tanh(0.5).item())"
     running = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
@@ -104,6 +106,7 @@ def test_processes_that_build_at_once_agree(cache: Path) -> None:
     assert len(list(cache.iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_the_simulated_device_is_an_executable_of_the_headers_given(tmp_path: Path) -> None:
     shipped = library.build_sim()
     subprocess.run([shipped, "--help"], capture_output=True, timeout=10, check=False)

@@ -91,6 +91,22 @@ def test_noise_of_other_kinds_is_not_taken_for_spikes(sim: Callable[..., str], t
         assert [f & {"misfit"} for f in flags(text)] == [set()] * len(flags(text)), sd
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "equal", "still"), [(416.0, 60, False), (416.0, 230, True), (52.0, 32, False), (52.0, 48, True)]
+)
+@pytest.mark.parametrize("first", [0, 50])
+def test_a_reading_stands_still_if_half_a_second_and_40_samples_are_equal(
+    sim: Callable[..., str], tmp_path: Path, rate_hz: float, equal: int, still: bool, first: int
+) -> None:
+    """From the first sample of a run on, and later in it."""
+    rng, n = np.random.default_rng(5), int(6.5 * rate_hz)
+    runs = [make_run(rng, np.full(n, f * 78.0), ticks(n, rate_hz), f) for f in (1, -1)]
+    for r in runs:
+        r["counts"][first : first + equal, 3] = r["counts"][first, 3]
+    said = flags(sim(write_rows(tmp_path / "a.rows", runs, rate_hz)))
+    assert ["constant_reading" in f for f in said] == [still] * len(said) != []
+
+
 def test_a_flagged_pair_never_replaces_a_good_one(bench: Path) -> None:
     bad = halves(9050, -8800).replace("run 6.5", "run 1\nworld 0 0 0 9100 0 0 16393\nrun 5.5", 1)
     good = run(bench, f"noise 5\npower\n{PAIR}{CORRECTED}")

@@ -109,11 +109,16 @@ def _changed_call(node: ast.Call) -> Iterator[tuple[str, str]]:
 C_SWAPS = {
     "<=": ("<", ">"), ">=": (">", "<"), "<": ("<=", ">="), ">": (">=", "<="), "==": ("!=",), "!=": ("==",),
     "&&": ("||",), "||": ("&&",), "+": ("-",), "-": ("+",), "*": ("/",), "/": ("*",), "+=": ("-=",), "-=": ("+=",),
+    "&": ("|",), "|": ("&",), "<<": (">>",), ">>": ("<<",), "++": ("--",), "--": ("++",),
 }  # fmt: skip
-C_OPERATOR = re.compile(r"(?<= )(<=|>=|==|!=|&&|\|\||\+=|-=|[-+*/<>])(?= )")
-C_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|\d+)(?=[uf]?\b)(?![.x])")
+C_OPERATOR = re.compile(r"(?<= )(<<|>>|<=|>=|==|!=|&&|\|\||\+=|-=|[-+*/<>&|])(?= )|\+\+|--")
+C_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|0x[\dA-F]+|\d+)(?=[uf]?\b)(?![.x])")
+C_SIGN = re.compile(r"(?<=[(\[])-(?=[\w(])|(?<=[=,?:] )-(?=[\w(])|(?<=return )-(?=[\w(])")
 C_NOT = re.compile(r"!(?=[\w(])")
+C_CONDITION = re.compile(r"(?<=\bif \()(?=\w)")
 C_EXTREME = re.compile(r"\bf(min|max)\b")
+C_ARGUMENT = r"([^(){},\0]+)"
+C_ARGUMENTS = re.compile(rf"(?<=\w\(){C_ARGUMENT}, {C_ARGUMENT}(?=[,)])|(?<=, ){C_ARGUMENT}, {C_ARGUMENT}(?=\))")
 C_STATEMENT = re.compile(r"^ +(?!return\b|static\b|const\b|break\b|continue\b)[\w.>\[\]-]+(?: [-+*/|&]?= .*|\(.*\));$")
 
 
@@ -141,11 +146,22 @@ def _changed_row(row: str) -> Iterator[tuple[str, int, int, str]]:
     for found in C_NUMBER.finditer(row):
         number = found.group()
         scaled = "." in number
-        new = repr(SCALED_BY * float(number)) if scaled else str(int(number) + 1)
+        if scaled:
+            new = repr(SCALED_BY * float(number))
+        else:
+            new = f"{int(number, 16) + 1:#04x}" if number.startswith("0x") else str(int(number) + 1)
         yield "constant scaled" if scaled else "off by one", *found.span(), new
+    for found in C_SIGN.finditer(row):
+        yield "sign", *found.span(), ""
     for found in C_NOT.finditer(row):
         yield "not", *found.span(), ""
+    for found in C_CONDITION.finditer(row):
+        yield "not", *found.span(), "!"
+    for found in C_ARGUMENTS.finditer(row):
+        first, second = (text for text in found.groups() if text is not None)
+        if first != second:
+            yield "arguments swapped", *found.span(), f"{second}, {first}"
     for found in C_EXTREME.finditer(row):
         yield "min, max", *found.span(), "fmax" if found.group() == "fmin" else "fmin"
-    if found := C_STATEMENT.match(row):
+    if C_STATEMENT.match(row):
         yield "statement dropped", len(row) - len(row.lstrip()), len(row), ";"

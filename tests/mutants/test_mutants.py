@@ -23,6 +23,7 @@ C = """
 static int f(int x) { /* at least 4 */
     if (x < 2 && !g("a < b")) {
         d->n = fmin(x, 0.5);
+        g(-x, y & 0x0F);
     }
     return x - 1;
 }
@@ -52,7 +53,9 @@ def test_c_edits() -> None:
     assert replaced(C, c_edits(C)) == {
         ("operator", "<", "<="), ("operator", "<", ">="), ("operator", "&&", "||"), ("not", "!", ""), ("off by one", "2", "3"),
         ("off by one", "1", "2"), ("operator", "-", "+"), ("min, max", "fmin", "fmax"), ("constant scaled", "0.5", "1.0"),
-        ("statement dropped", "d->n = fmin(x, 0.5);", ";"),
+        ("statement dropped", "d->n = fmin(x, 0.5);", ";"), ("arguments swapped", "x, 0.5", "0.5, x"), ("sign", "-", ""),
+        ("operator", "&", "|"), ("off by one", "0x0F", "0x10"), ("statement dropped", "g(-x, y & 0x0F);", ";"),
+        ("arguments swapped", "-x, y & 0x0F", "y & 0x0F, -x"), ("not", "", "!"),
     }  # fmt: skip
 
 
@@ -62,7 +65,7 @@ def test_an_edited_text_is_another_program() -> None:
 
 
 def test_a_draw_is_that_of_its_seed_and_compiles() -> None:
-    every = mutants.mutants(["noise", "core"])
+    every = [m for m in mutants.mutants(["noise", "core"]) if m.folder == "noise" or m.file.endswith("gc_rest.c")]
     drawn = [m.key for m in mutants.draw(every, 4, 7)]
     assert drawn == [m.key for m in mutants.draw(every, 4, 7)]
     assert drawn != [m.key for m in mutants.draw(every, 4, 8)]
@@ -70,6 +73,22 @@ def test_a_draw_is_that_of_its_seed_and_compiles() -> None:
     assert {m.file.rpartition(".")[2] for m in every} == {"py", "c"}
     broken = mutants.Mutant("host/gyrocal/units.py", "noise", mutants.Edit("none", 0, 0, "("))
     assert not broken.compiles()
+    same = mutants.Mutant(str(mutants.CORE / "gc_span.c"), "core", mutants.Edit("none", 0, 0, "\n"))
+    assert not same.compiles()
+
+
+def test_files_that_call_the_edited_function_come_by_what_they_caught_and_by_name() -> None:
+    edited = mutants.Mutant(str(mutants.CORE / "gc_span.c"), "core", mutants.Edit("none", 0, 0, ";"))
+    files = {"quick": 1.0, "apart": 2.0, "often": 3.0, "same": 4.0, "test_span": 5.0, "uncounted": 6.0}
+    called = {edited.line}
+    reached = {"quick": called, "apart": {("gc_span.c", 1)}, "often": called, "same": called, "test_span": called}
+
+    def caught(file: str, by: str) -> mutants.Judged:
+        return mutants.Judged("", file, "core", "", "caught", 1.0, [], "", by)
+
+    judged = [caught("gc_wire.c", "often"), caught("gc_run.c", "often"), caught(edited.file, "same")]
+    assert mutants.by_promise(files, edited, judged, reached) == ["same", "test_span", "often", "quick", "uncounted"]
+    assert set(mutants.by_promise(files, edited, judged, {"apart": {("gc_span.c", 1)}})) == files.keys() - {"apart"}
 
 
 @pytest.fixture
