@@ -108,6 +108,15 @@ def test_nothing_found_says_of_how_many_effects() -> None:
     assert nothing_found(seen, levels((1.37, 0.05))) == (
         "Nothing found of 2 effects. More than noise is left over: an excess of 1.370 ± 0.050 dps on y."
     )
+    assert nothing_found([judged("vibration_tone", "z", "suggest"), *seen, *unseen], quiet) == (
+        "Nothing certain of 3 effects; suggested: vibration_tone on z; 1 this recording cannot show."
+    )
+
+
+def test_where_nothing_is_held_out_nobody_knows_that_noise_alone_is_left() -> None:
+    """Of 0.8 s with a tone of 16 standard errors, it said that what is left over is noise."""
+    unknown = levels((0.0, 1.0)) | {"held_out": "none"}
+    assert adequate(unknown).startswith("No test finds what the model lacks. No part of the recording can be held out")
 
 
 def test_a_delay_that_constant_rates_cannot_show_is_not_said_to_be_absent() -> None:

@@ -31,6 +31,8 @@ def left_over(compared: Mapping[str, Any], fits: str, tried: str = "") -> str:
     which must not say that the model is adequate; without it, that no test finds what the model lacks.
     """
     excess = beyond_noise(compared)
+    if not excess and compared.get("held_out") == "none":
+        return "No test finds what the model lacks. No part of the recording can be held out, so that no excess is known."
     if not excess:
         return f"{fits}: what is left over is noise."
     return f"{tried or 'No test finds what the model lacks'}, but more than noise is left over: an excess of {excess}."
@@ -39,14 +41,18 @@ def left_over(compared: Mapping[str, Any], fits: str, tried: str = "") -> str:
 def nothing_found(candidates: Iterable[Candidate], compared: Mapping[str, Any]) -> str:
     """The sentence of a diagnosis that is adequate: how many effects were tried, and how many the recording cannot show.
 
-    Noise alone is left over only as far as the recording shows; an effect that it cannot show may act all the same.
+    Noise alone is left over only as far as the recording shows; an effect that it cannot show may act all the same. What the
+    recording suggests but cannot prove is told as that.
     """
     judged: dict[str, bool] = {}
+    suggested: list[str] = []
     for c in candidates:
+        suggested += [f"{c.effect.id} on {c.axis}"] * (c.decision == "suggest")
         judged[c.effect.id] = judged.get(c.effect.id, False) or c.decision != "not_measurable"
     tried, unseen = sum(judged.values()), len(judged) - sum(judged.values())
     cannot = f"; {unseen} this recording cannot show" if unseen else ""
-    found = f"Nothing found of {tried} effect{'s' * (tried != 1)}{cannot}"
+    of = f"of {tried} effect{'s' * (tried != 1)}"
+    found = f"Nothing certain {of}; suggested: {', '.join(suggested)}{cannot}" if suggested else f"Nothing found {of}{cannot}"
     excess = beyond_noise(compared)
     return f"{found}. More than noise is left over: an excess of {excess}." if excess else f"{found}."
 
