@@ -67,7 +67,8 @@ def with_named(comparison: Comparison, judged: Sequence[Candidate], only_day: in
         if slow and (c.named or c.axis not in beside):
             beside[c.axis] = (beside.get(c.axis) or Current.of(comparison, c.axis)).with_effect(c.effect, c.values)
     clean = {axis: current.fit for axis, current in beside.items()}
-    return replace(beside_named(comparison, clean, only_day), where=findings(comparison, judged))
+    told = beside_named(comparison, clean, only_day) if clean else comparison
+    return replace(told, where=findings(comparison, judged))
 
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
