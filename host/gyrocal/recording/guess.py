@@ -88,11 +88,14 @@ class Guess:
     """The option that states it, ``--ref-map`` for a column of the reference's own file."""
     asks: bool = False
     """True if nothing in the file decides between this unit and another, so that a person has to say which it is."""
+    file: str = ""
+    """Name of the file, where a folder holds several."""
 
     @property
     def question(self) -> str:
         """What has to be said of a unit that nothing decides."""
-        return f"the unit of {self.map.partition('=')[2].rpartition(':')[0]} is not known ({self.why})"
+        where = f"{self.file}: " if self.file else ""
+        return f"{where}the unit of {self.map.partition('=')[2].rpartition(':')[0]} is not known ({self.why})"
 
 
 def guess(

@@ -136,7 +136,8 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
         _check_alike(file.gyroscope, corrected)
         axis = axis or read.session.axis
         warnings += read.warnings
-        guessed = read.guessed if not guessed or any(g.asks for g in read.guessed) else guessed
+        if not guessed or any(g.asks for g in read.guessed):
+            guessed = tuple(replace(g, file=file.gyroscope.name) for g in read.guessed) if names else read.guessed
         rows += tuple(row for row in read.first_rows if row.map not in {other.map for other in rows})
         for what, count in read.repaired.items():
             repaired[what] = repaired.get(what, 0) + count
