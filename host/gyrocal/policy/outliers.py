@@ -47,8 +47,9 @@ class Outliers:
         chosen_by="tail of the normal distribution (one of six neighbours exceeds 3 in 1.6 % of cases); chosen by judgement",
     )  # fmt: skip
     read_part: float = threshold(
-        0.5, "amplitude of a line in the readings, over that in their residual to a tracker, below which it is the tracker's",
-        larger="a vibration of the sensor is taken for the tracker's", smaller="lines of a tracker's noise are reported",
+        0.5, "amplitude of a line or of outliers in the readings, over that in their residual to a measured reference, below "
+        "which they are the reference's",
+        larger="a vibration of the sensor is taken for the reference's", smaller="lines of a tracker's noise are reported",
     )  # fmt: skip
     outlier_chance: float = threshold(
         1e-4, "probability that the noise's own tail explains the outliers, above which the floor contains their power",

@@ -20,10 +20,6 @@ WIDE = 63
 """Readings over whose median those are looked for of which several in a row may be off."""
 STANDS_OUT = POLICY.outlier_spreads
 
-IN_READINGS = 0.5
-"""Part of the power of deviations from a reference that the readings have among their neighbours, below which it is the
-reference that stands out."""
-
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
@@ -70,7 +66,7 @@ def in_readings(reading_dps: Array, rows: Index, apart_dps: Array) -> bool:
     An encoder that counts seldom gives rates in pulses of one size, each of which leaves a residual like an outlier.
     """
     own_dps = reading_dps[rows] - between(reading_dps)[rows]
-    return float(own_dps @ own_dps) >= IN_READINGS * float(apart_dps @ apart_dps)
+    return float(own_dps @ own_dps) >= POLICY.read_part**2 * float(apart_dps @ apart_dps)
 
 
 def _whole(y_dps: Array, rows: Index, apart_dps: Array) -> Array:
