@@ -133,7 +133,7 @@ def warming(a_dps: float, tau_s: float, seed: int) -> tuple[Session, Array]:
     return make_session(*runs), np.concatenate(left)
 
 
-@pytest.mark.parametrize(("a_dps", "tau_s"), [(0.03, 200.0), (0.05, 100.0)])
+@pytest.mark.parametrize(("a_dps", "tau_s"), [(0.03, 200.0), pytest.param(0.05, 100.0, marks=pytest.mark.wide)])
 def test_an_effect_that_its_name_alone_shows_does_not_stay_in_the_noise(a_dps: float, tau_s: float) -> None:
     """With two power cycles, a drift explains a warm-up as well. The excess was 0 ± 8 mdps beside a card that took 9 away."""
     session, left = warming(a_dps, tau_s, seed=5)
