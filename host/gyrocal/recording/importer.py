@@ -128,7 +128,9 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     names = [stem_of(file.gyroscope) for file in files] if len(files) > 1 else []
     for file in files:
         read = _read_file(file, replace(options, axis=axis), number + len(runs), names)
-        if any(g.asks for g in read.guessed) and (sure := _decided_by_another(read.guessed, file, files, options)):
+        refused = any(g.asks for g in guessed)  # no file decides, so that the others need not be read for it again
+        asks = any(g.asks for g in read.guessed)
+        if asks and not refused and (sure := _decided_by_another(read.guessed, file, files, options)):
             stated = replace(options, axis=axis, maps=[*(g.map for g in sure), *options.maps])
             read = replace(_read_file(file, stated, number + len(runs), names), guessed=sure)
         runs += read.session.runs
