@@ -130,7 +130,7 @@ def _frame(path: Path, rows: memoryview, layout: Layout, names: list[str], optio
     body = b"".join([layout.width * separator.encode(), b"\n", rows])
     numeric = not body.translate(None, NUMBERS + separator.encode())
     if not numeric:
-        body = re.sub(rb"(?m)(?<=\n)[ \t]+$", b"", _without_comments(body, separator))
+        body = re.sub(rb"\n[ \t]+(?=\n|\Z)", b"\n", _without_comments(body, separator))
     if separator == " ":
         width, _, blank = body.partition(b"\n")
         body = width + b"\n" + re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", blank))
