@@ -6,6 +6,8 @@ FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
 # one file after the other, in the order of tests/conftest.py; xdist's own begins with the files of many tests, which are short
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+# empty: an image may set it, and a command that compiles every module anew starts two seconds later; tests start hundreds
+export PYTHONDONTWRITEBYTECODE :=
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
 .PHONY: demo test wide quick docs parts coverage fuzz mutants lowest wheel release clean
