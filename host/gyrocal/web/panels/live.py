@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 SPEEDS = {"1": "in real time", "5": "5 times faster", "20": "20 times faster"}
+POSES_A_MINUTE = 17
+"""How many poses a simulated hand takes in a minute of the device."""
 
 
 class LivePanel:
@@ -176,12 +178,13 @@ class LivePanel:
             self.bench.say(str(error))
 
     async def _hold(self, speed: str) -> None:
-        """A simulated device whose sensor a hand turns from pose to pose."""
+        """A simulated device whose sensor a hand turns from pose to pose, for a minute longer than a recording needs."""
+        from gyrocal.simulation.hands import POSES
         from gyrocal.simulation.simulate import simulate
 
         ui.notify("Starting the simulated device…", timeout=2000)
         folder = Path(tempfile.mkdtemp(prefix="held", dir=self.bench.scratch)) / "session"
-        await asyncio.to_thread(simulate, folder, "hands")
+        await asyncio.to_thread(simulate, folder, "hands", scenarios=POSES + round(POSES_A_MINUTE * float(speed)))
         try:
             await self.live.simulate(self.bench.scratch / "device", ["--session", str(folder), "--speed", speed])
         except InputError as error:
