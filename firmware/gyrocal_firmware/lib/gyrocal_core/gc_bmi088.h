@@ -6,8 +6,8 @@
  *     temperature                               bmi08a.c: bmi08a_get_sensor_temperature
  *     FIFO                                      bmi08g.c: bmi08g_set_fifo_config; its depth and what clears it, datasheet
  *                                               BST-BMI088-DS001, section 4.6
- *     SPI: the accelerometer's dummy byte and   bmi08a.c: bmi08a_init, bmi08a_soft_reset; mode 0 and 10 MHz, datasheet, section 6.1
- *     readings in vain
+ *     SPI: the accelerometer's dummy byte and   bmi08a.c: bmi08a_init, bmi08a_soft_reset; 10 MHz: torvalds/linux,
+ *     readings in vain                          Documentation/devicetree/bindings/iio/accel/bosch,bmi088.yaml, 320424c7; mode 0
  *     self-test                                 bmi08g.c: bmi08g_perform_selftest
  *     noise                                     datasheet, section 1
  *

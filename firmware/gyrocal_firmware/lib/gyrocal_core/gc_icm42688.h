@@ -5,7 +5,9 @@
  *     order and times of the start-up                icm42688_common.c, 1de8336b: RESET_DONE 1 ms after a reset, no register written
  *                                                    within 200 us after PWR_MGMT0, INT_CONFIG1 0, 30 ms until the gyroscope runs
  *     order of the readings                          the same, icm42688_read_all
- *     SPI: mode 3, UI_SIFS_CFG                       ../icm4268x/icm4268x.c and icm4268x_common.c, 556c620b; 24 MHz, datasheet, section 9.6
+ *     SPI: mode 3, UI_SIFS_CFG                       ../icm4268x/icm4268x.c and icm4268x_common.c, 556c620b; mode 3 and 24 MHz of its
+ *                                                    kin: torvalds/linux, Documentation/devicetree/bindings/iio/imu,
+ *                                                    invensense,icm42600.yaml, 20c7775a
  *
  * Sensitivities, temperature and noise are those of datasheet DS-000347. Self-test: InvenSense's own driver in
  * VaderMester/ESP32-ICM426XX-driver, components/ICM426XX/Invn/Drivers/Icm426xx, a60ffe2e: Icm426xxSelfTest.c, run_gyro_self_test and

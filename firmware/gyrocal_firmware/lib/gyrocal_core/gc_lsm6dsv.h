@@ -3,8 +3,9 @@
  *     addresses, bits, codes of rates and ranges,      STMicroelectronics/lsm6dsv-pid, lsm6dsv_reg.h, f045c602
  *     sensitivities, temperature, FIFO, low-pass (LPF1), time stamps
  *     both sensors off before a reset                  the same, lsm6dsv_reg.c, lsm6dsv_sw_reset
- *     INTERNAL_FREQ (0.13 % a count of 7680 Hz),       datasheet DS13476, which could not be read here again: if the step is
- *     noise, turn-on, depth of the FIFO, self-test     another one, the period is off by at most the part's own 5 %
+ *     INTERNAL_FREQ: 0.13 % a count                    STMicroelectronics/lsm6dsv16x-pid, lsm6dsv16x_reg.c, early ones:
+ *                                                      lsm6dsv16x_odr_cal_reg_get; of 7680 Hz, as the highest rate
+ *     noise, turn-on, depth of the FIFO, self-test     datasheet DS13476
  *     SPI: mode 3 as its kin, I2C_I3C_disable          lsm6dsv_reg.h, lsm6dsv_ui_i2c_i3c_mode_set; 10 MHz, DS13476
  *
  * Bit 0 of IF_CFG, unlike that of older parts, switches off I2C as well; on I2C it stays 0. */
