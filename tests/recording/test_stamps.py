@@ -14,7 +14,7 @@ from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import import_recording, read_recording
 from gyrocal.recording.stamps import PART, goes_back, in_bursts, lost, period_s, regression, step_range_s
 from gyrocal.warning import Warning
-from make_runs import make_run
+from make_runs import make_run, make_session
 
 PERIOD_S = 0.01
 
@@ -270,3 +270,48 @@ def test_a_program_that_samples_when_it_comes_to_it_loses_nothing() -> None:
     even_s = 0.02 * np.delete(np.arange(6001), [500, 2000, 2001]) + 0.006 * rng.random(5998)
     assert lost(even_s, period_s(even_s)) == 3
     assert period_s(even_s) == pytest.approx(0.02, rel=1e-4)
+
+
+@pytest.mark.parametrize("part", [0.03, 0.08, 0.14])
+def test_exact_stamps_with_lost_samples_lie_on_a_grid(part: float) -> None:
+    """A tenth of the samples was lost, and half of that was taken for a slower clock."""
+    rng = np.random.default_rng(round(1000 * part))
+    kept = np.concatenate([[True], rng.random(4998) > part, [True]])
+    t_s = np.arange(5000)[kept] * 0.1 + rng.normal(0, 0.0015, kept.sum())
+    found = regression(t_s)
+    assert found.lost == 5000 - kept.sum()
+    assert found.period_s == pytest.approx(0.1, rel=1e-4)
+    assert period_s(t_s) == found.period_s
+
+
+def test_ticks_that_serve_one_sample_or_two_are_no_losses() -> None:
+    t_s = np.floor(np.arange(5000) * 1.5) / 1000
+    assert regression(t_s).lost == 0
+    assert period_s(t_s) == pytest.approx(0.0015, rel=1e-3)
+
+
+def test_another_rate_for_a_while_is_no_loss() -> None:
+    """15 s at 100 Hz and 30 s at 10 Hz: nine of ten samples of the whole were said to be missing."""
+    rng = np.random.default_rng(5)
+    t_s = np.concatenate([np.arange(1500) * 0.01, 15 + np.arange(300) * 0.1])
+    found = regression(t_s)
+    assert not found.even
+    assert found.lost == 0
+    np.testing.assert_array_equal(found.t_s, t_s)
+    repeated = t_s.copy()
+    repeated[[200, 201, 1600]] = repeated[[199, 199, 1599]]
+    mended = regression(repeated)
+    assert np.diff(mended.t_s).min() > 0
+    assert np.abs(mended.t_s - t_s).max() < 0.1
+    run = make_run(t_s, rng.normal(0, 0.05, (t_s.size, 3)), table_rate_dps=0.0, rate_hz=float(1 / period_s(t_s)))
+    assert check(make_session(run)) == []
+
+
+def test_what_a_program_took_when_it_came_to_it_has_its_mean_rate_and_no_losses() -> None:
+    """Its steps grow from 8 to 13 ms; and delays that later samples do not catch up with."""
+    rng = np.random.default_rng(6)
+    growing = np.cumsum(np.where(np.arange(1500) < 250, 0.0085, 0.0115) + rng.uniform(-0.001, 0.001, 1500))
+    assert period_s(growing) == pytest.approx((growing[-1] - growing[0]) / 1499, rel=1e-6)
+    delayed = np.cumsum(0.0026 + rng.normal(0, 2e-5, 6000) + np.where(rng.random(6000) < 0.07, rng.uniform(0.001, 0.0025, 6000), 0))
+    assert regression(delayed).lost == 0
+    assert not regression(delayed).even

@@ -10,7 +10,7 @@ from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
-from gyrocal.recording.stamps import in_bursts, lost, period_s, step_range_s
+from gyrocal.recording.stamps import has_even_course, in_bursts, lost, period_s, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -178,16 +178,19 @@ def _too_fast(rate_hz: float, run: Run) -> bool:
 
 
 def measured_hz(run: Run) -> float:
-    """Samples per second by regression of time on the sample's number.
+    """Samples per second by regression of time on the sample's number, or their mean where no course is even.
 
     If samples arrive in bursts, only the first of each burst counts, because a line through a few steps depends on its ends.
     Elsewhere lost samples are counted if that makes the rate the stated one, as when a recording with dropouts is imported.
     """
+    bursts = in_bursts(run.t_s)
+    if not bursts and not has_even_course(run.t_s):
+        return 1 / period_s(run.t_s)
     gaps = np.diff(run.t_s)
     first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])
     number = first - first.mean()
     hz = float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))
-    if hz < POLICY.slowest_hz or in_bursts(run.t_s):
+    if hz < POLICY.slowest_hz or bursts:
         return hz
     missing = lost(run.t_s, 1 / run.sample_rate_hz)
     with_lost_hz = (len(run) - 1 + missing) / float(run.t_s[-1] - run.t_s[0]) if missing else 1 / period_s(run.t_s)

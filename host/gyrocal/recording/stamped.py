@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.stamps import Array, Stamps, goes_back, in_bursts, regression, step_range_s, typical_step_s
+from gyrocal.recording.stamps import Array, Stamps, catch_up, goes_back, in_bursts, regression, step_range_s, typical_step_s
 from gyrocal.warning import Warning
 
 LONGEST_S = 1e9
@@ -82,11 +82,13 @@ def _replaced(t_s: Array, columns: Sequence[Array]) -> str:
     if uneven.sum() < FEWEST and not bursts:
         return ""
     stamps = regression(t_s)
+    if not stamps.even:
+        return ""
     right = right_times(t_s, stamps, readings)
     if right == "numbers":
         return "the readings follow the numbers of the samples and not their uneven times: a host stamped them, "
     returns = stamps.jitter_s < GAP * stamps.period_s
-    late = returns and int(np.sum(np.diff(t_s) > GAP * stamps.period_s)) > stamps.lost
+    late = returns and catch_up(t_s) and int(np.sum(np.diff(t_s) > GAP * stamps.period_s)) > stamps.lost
     if right is None and (bursts or late):
         return "the times come in bursts, or late and caught up with later, "
     return ""
@@ -117,10 +119,18 @@ def even(
         longest = int(np.argmax(steps_s)) + 1
         raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
+    back = ""
     if stamps.set_back:
         place, by_s = stamps.set_back[0]
         more = f" and {len(stamps.set_back) - 1} times more" if len(stamps.set_back) > 1 else ""
-        what = f"{where(place)}: the clock was set back by {by_s:.3g} s{more}. Moved forward by that, the times are "
+        back = f"{where(place)}: the clock was set back by {by_s:.3g} s{more}. Moved forward by that, "
+    if not stamps.even:
+        return stamps.t_s, Warning(
+            "sample_rate", None, file,
+            f"{back}the times repeat or come in bursts, and no even course explains them; those that repeat or go back were put "
+            "between their neighbours. Record the sensor's own time if you can",
+        )  # fmt: skip
+    what = f"{back}the times are " if back else what
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
     return stamps.t_s, Warning(
         "sample_rate", None, file,

@@ -47,9 +47,13 @@ FROZEN = 4
 """Fewest intervals in a row without progress that are a clock standing still, and no packet of a few samples."""
 LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
-SCATTERED, OFTEN = 0.1, 0.25
+SCATTERED, OFTEN = 0.1, 0.05
 """A step off the median by more than this part of it is none of an even sampler; with more such steps than this part of
 all, the stamps scatter."""
+OF_GRID = 0.02
+"""Part of the steps that may be no whole number of intervals where the others are: exact stamps with lost samples."""
+OTHER_RATE = 64
+"""Steps in a row of one length, longer than the usual one: the logger has taken another rate, and lost nothing."""
 CATCHES_UP = -0.25
 """Correlation of successive steps, below which a late stamp is followed by a short step: -0.5 on an even course."""
 PART = 2**15
@@ -69,6 +73,9 @@ class Stamps:
     number: Index
     jitter_s: float
     set_back: tuple[tuple[int, float], ...] = ()
+    even: bool = True
+    """False where no even course is: a program took the samples when it came to it, or at several rates. The stamps are then the
+    times, and those that repeat or go back are put between their neighbours."""
 
     @property
     def lost(self) -> int:
@@ -120,6 +127,11 @@ def period_s(t_s: Array) -> float:
     return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(_without_incidents(t_s)[0]))[1]
 
 
+def has_even_course(t_s: Array) -> bool:
+    """False if stamps [n], s, are of samples that a program took when it came to it, or at several rates."""
+    return _is_even(t_s) or _numbered(_without_stale(_without_incidents(t_s)[0]))[2]
+
+
 def lost(t_s: Array, stated_s: float) -> int:
     """Samples that are missing between stamps [n], s, of a sensor that samples every ``stated_s``.
 
@@ -142,9 +154,12 @@ def regression(t_s: Array) -> Stamps:
     """The regression of stamps [n], s, on the numbers of their samples."""
     onward_s, set_back = _without_incidents(t_s)
     fresh_s = _without_stale(onward_s)
-    number, interval_s = _numbered(fresh_s)
+    number, interval_s, even = _numbered(fresh_s)
     if t_s.size < 3:
         return Stamps(t_s, interval_s, number, 0.0)
+    if not even:
+        onward_s = _onward(fresh_s, interval_s)
+        return Stamps(onward_s, interval_s, number, float(np.std(t_s - onward_s)), set_back, even=False)
     bends = min((fresh_s[-1] - fresh_s[0]) / KNOT_S, t_s.size - 1)
     fitted = _chain(number, fresh_s, max(2, round(bends) + 1))
     late_s = t_s - fitted
@@ -205,6 +220,13 @@ def _without_stale(t_s: Array) -> Array:
     return np.interp(np.arange(t_s.size), ordered, t_s[ordered])
 
 
+def _onward(t_s: Array, interval_s: float) -> Array:
+    """Stamps [n], s, of which those that repeat are put on a line to the next one, and the last ones an interval apart."""
+    first = np.concatenate([[0], np.flatnonzero(np.diff(t_s) > 0) + 1])
+    every = np.arange(t_s.size)
+    return np.asarray(np.interp(every, first, t_s[first]) + interval_s * np.maximum(every - first[-1], 0))
+
+
 def _longest_course(t_s: Array) -> Index:
     """The numbers of the most samples [k] whose stamps [n], s, do not go back (Schensted, Canad. J. Math. 13 (1961) 179)."""
     ends_s: list[float] = []
@@ -222,15 +244,22 @@ def _longest_course(t_s: Array) -> Index:
     return course
 
 
-def _numbered(t_s: Array) -> tuple[Index, float]:
-    """The number of each sample [n], in which lost samples are counted, and the interval, s: the slope of times on numbers."""
+def _numbered(t_s: Array) -> tuple[Index, float, bool]:
+    """The number of each sample [n], in which lost samples are counted; the interval, s: the slope of times on numbers; and
+    whether the course is even. Where it is not, the numbers count the samples, and the interval is their mean one.
+    """
     n = t_s.size
     if n < 3:
-        return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1)
+        return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1), True
     if _is_even(t_s):
-        return np.arange(n), _even_interval_s(t_s)
+        return np.arange(n), _even_interval_s(t_s), True
+    on_grid = _on_grid(t_s)
+    if on_grid is not None:
+        return *on_grid, True
+    if _changes_rate(t_s):
+        return np.arange(n), _mean_with_gaps_s(t_s), False
     if _is_on_demand(t_s):
-        return np.arange(n), _mean_step_s(np.diff(t_s))
+        return np.arange(n), _mean_step_s(np.diff(t_s)), False
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -240,7 +269,25 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
         if np.array_equal(found, number):
             break
         number, interval_s = found, _slope_s(found[ticks], t_s[ticks])
-    return number, interval_s
+    if _contradicts(t_s, number, interval_s, burst):
+        return np.arange(n), _mean_step_s(np.diff(t_s)), False
+    return number, interval_s, True
+
+
+def _contradicts(t_s: Array, number: Index, interval_s: float, burst: int) -> bool:
+    """True if stamps [n], s, cannot be those of an even sampler that lost as many samples: no course is even.
+
+    The interval then does not make the length of the recording, or more samples are missing between two stamps than the step
+    and a wait of the stamp before have room for.
+    """
+    apart = (t_s - t_s[0]) / interval_s
+    off = abs(apart[-1] - number[-1])
+    if number[-1] + 1 == number.size:
+        return bool(off > max(burst + LONG, STATED * number.size))
+    if off > burst + LONG:
+        return True
+    missing = np.diff(number) > 1
+    return bool(np.any(np.diff(number)[missing] > np.diff(apart)[missing] + burst + 0.5))
 
 
 def _mean_with_gaps_s(t_s: Array) -> float:
@@ -260,10 +307,45 @@ def _is_even(t_s: Array) -> bool:
     return _is_sampled(least_s, mean_s) and largest_s < LONG * mean_s
 
 
+def _on_grid(t_s: Array) -> tuple[Index, float] | None:
+    """The numbers and the interval of exact stamps [n], s, with lost samples; None for any other stamps.
+
+    All steps are whole numbers of the usual one, the samples fall ever farther behind an even course, and the long steps come
+    one by one. Stamps that are rounded to ticks have such steps too, but keep to the course.
+    """
+    steps = np.diff(t_s)
+    interval_s = float(np.median(steps))
+    if not 0 < USUAL * _mean_step_s(steps) < interval_s or float(steps.min()) < interval_s * (1 - WHOLE):
+        return None
+    number = np.zeros(0, dtype=np.intp)
+    for _ in range(ROUNDS):
+        whole = np.rint(steps / interval_s)
+        if float(np.mean(np.abs(steps / interval_s - whole) > np.maximum(WHOLE / 2, STATED * whole))) > OF_GRID:
+            return None
+        number = np.concatenate([[0], np.cumsum(whole)]).astype(np.intp)
+        interval_s = _slope_s(number, t_s)
+    every = np.arange(t_s.size)
+    behind = number - np.polyval(np.polyfit(every, number, 1), every)
+    if float(np.std(behind)) < LONG or _changes_rate(t_s):
+        return None
+    return number, interval_s
+
+
+def _changes_rate(t_s: Array) -> bool:
+    """True if stamps [n], s, come for a while at another rate than the usual one, which is longer than losses in a row are."""
+    steps = np.diff(t_s)
+    if steps.size < 2 * OTHER_RATE:
+        return False
+    parts = np.sort(steps[: steps.size // OTHER_RATE * OTHER_RATE].reshape(-1, OTHER_RATE), axis=1)
+    middle, early, late = (parts[:, OTHER_RATE * k // 4] for k in (2, 1, 3))
+    even = middle[(late - early < SCATTERED * middle) & (middle > USUAL * parts.mean(axis=1))]
+    return bool(even.size > 1 and even.max() > LONG * even.min())
+
+
 def _is_on_demand(t_s: Array) -> bool:
     """True if stamps [n], s, are of samples that a program took when it came to it: no course is even, and none is lost.
 
-    Their steps scatter, and a long one is followed by a short one no more often than by another long one.
+    Their steps scatter, and they do not catch up.
     """
     steps = np.diff(t_s)
     middle_s = float(np.median(steps))
@@ -272,18 +354,29 @@ def _is_on_demand(t_s: Array) -> bool:
     off = np.clip(steps / middle_s - 1, -USUAL, USUAL)
     if float(np.mean(np.abs(off) > SCATTERED)) < OFTEN:
         return False
+    return not catch_up(t_s)
+
+
+def catch_up(t_s: Array) -> bool:
+    """True if a long step of stamps [n], s, is followed by a short one more often than by another long one."""
+    steps = np.diff(t_s)
+    off = np.clip(steps / float(np.median(steps)) - 1, -USUAL, USUAL)
     off = off - off.mean()
-    return float(off[1:] @ off[:-1]) > CATCHES_UP * float(off @ off)
+    return float(off[1:] @ off[:-1]) <= CATCHES_UP * float(off @ off)
 
 
 def _even_interval_s(t_s: Array) -> float:
-    """The least-squares slope of stamps [n], s, on the numbers 0 to n - 1, without an array of these."""
+    """The least-squares slope of stamps [n], s, on the numbers 0 to n - 1, without an array of these.
+
+    Where it does not make the length of the recording, the interval has changed, and its mean is taken.
+    """
     n, start = t_s.size, float(t_s[0])
     moment = 0.0
     for first in range(0, n, PART):
         part = t_s[first : first + PART] - start
         moment += float(part @ (np.arange(first, first + part.size) - (n - 1) / 2))
-    return 12 * moment / (n * (float(n) ** 2 - 1))
+    slope_s, mean_s = 12 * moment / (n * (float(n) ** 2 - 1)), _mean_with_gaps_s(t_s)
+    return slope_s if abs(slope_s / mean_s - 1) * (n - 1) < LONG else mean_s
 
 
 def _slope_s(number: Index, t_s: Array) -> float:
