@@ -119,8 +119,17 @@ def test_a_sure_name_stands_before_rivals_that_cannot_be_told_apart() -> None:
     assert [c.effect.id for c in order] == ["drift", *group[::-1]]
 
 
+def test_what_another_effect_explains_better_is_not_named_for_its_evidence() -> None:
+    """Beside a wave over the rate, an asymmetry gained 91 and its square 74: the wave supplied what the square lacked."""
+    square = candidate("centripetal", "suggest", 6.0, gain=74.0)
+    for gain, decision in ((91.0, "suggest"), (77.0, "add")):
+        told = decisions(square, candidate("scale_asymmetry", "suggest", -3.0, gain=gain))
+        assert told == {"centripetal": (decision, ()), "scale_asymmetry": ("suggest", ())}
+    assert decisions(square, candidate("drift", "suggest", -3.0, gain=91.0, axis="x"))["centripetal"] == ("add", ())
+
+
 def test_names_stand_before_suggestions() -> None:
-    known = candidate("drift", "suggest", 1.0, gain=90.0), candidate("warmup", "suggest", 6.0, gain=12.0)
+    known = candidate("drift", "suggest", 1.0, gain=15.0), candidate("warmup", "suggest", 6.0, gain=12.0)
     order = decided(known, {"z"}, gaining)
     assert [c.effect.id for c in order] == ["warmup", "drift"]
 

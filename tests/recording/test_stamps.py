@@ -312,6 +312,7 @@ def test_what_a_program_took_when_it_came_to_it_has_its_mean_rate_and_no_losses(
     rng = np.random.default_rng(6)
     growing = np.cumsum(np.where(np.arange(1500) < 250, 0.0085, 0.0115) + rng.uniform(-0.001, 0.001, 1500))
     assert period_s(growing) == pytest.approx((growing[-1] - growing[0]) / 1499, rel=1e-6)
-    delayed = np.cumsum(0.0026 + rng.normal(0, 2e-5, 6000) + np.where(rng.random(6000) < 0.07, rng.uniform(0.001, 0.0025, 6000), 0))
+    delays_s = np.where(rng.random(6000) < 0.07, rng.uniform(0.001, 0.0025, 6000), 0.0)
+    delayed = np.cumsum(0.0026 + rng.normal(0, 2e-5, 6000) + delays_s)
     assert regression(delayed).lost == 0
     assert not regression(delayed).even

@@ -127,8 +127,8 @@ def even(
     if not stamps.even:
         return stamps.t_s, Warning(
             "sample_rate", None, file,
-            f"{back}the times repeat or come in bursts, and no even course explains them; those that repeat or go back were put "
-            "between their neighbours. Record the sensor's own time if you can",
+            f"{back}the times repeat or come in bursts, and no even course explains them; those that repeat or go back were "
+            "put between their neighbours. Record the sensor's own time if you can",
         )  # fmt: skip
     what = f"{back}the times are " if back else what
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""

@@ -74,8 +74,8 @@ class Stamps:
     jitter_s: float
     set_back: tuple[tuple[int, float], ...] = ()
     even: bool = True
-    """False where no even course is: a program took the samples when it came to it, or at several rates. The stamps are then the
-    times, and those that repeat or go back are put between their neighbours."""
+    """False where no even course is: a program took the samples when it came to it, or at several rates. The stamps are then
+    the times, and those that repeat or go back are put between their neighbours."""
 
     @property
     def lost(self) -> int:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
 from gyrocal.diagnosis.naming.decision import evident_gain, in_range
 from gyrocal.diagnosis.naming.rivals import cosine
@@ -107,7 +109,8 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
     A sure name of the tests that the evidence can judge and does not support is suggested, and so are rivals of which it is not
     sure that any acts, or one of which fails a check. On an axis that is known to fail (``failing``) and has no other name, an
     effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
-    rivals, and none of them has the same shape. Beside a sure name, every such effect is named that gains beside it, whatever
+    rivals, none of them has the same shape, and no effect that it is not sure of gains more on held-out data: a shape without
+    a name may have supplied what the one lacks. Beside a sure name, every such effect is named that gains beside it, whatever
     the tests make of it alone.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
@@ -127,7 +130,8 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
         told = c.decision in ("add", "suggest") and not c.contradicted and evident_gain(c)
         return told and alone(c) and c.axis in failing - sure and in_range(c) and c.sure
 
-    found = {(c.effect.id, c.axis): c for c in candidates if not c.named and named(c)}
+    likely = [c for c in candidates if not c.named and named(c)]
+    found = {(c.effect.id, c.axis): c for c in likely if not any(_outdoes(o, c) for o in candidates if o not in likely)}
     settled = {(id_, c.axis) for c in found.values() for id_ in c.group}
     settled |= {(id_, c.axis) for c in candidates if c.decision == "add" and len(c.group) > 1 and unlike(c) for id_ in c.group}
     out = []
@@ -147,6 +151,13 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
         return replace(c, decision="suggest", group=()) if beaten else c
 
     return sorted((joined.get((c.effect.id, c.axis)) or left(c) for c in out), key=best_first)
+
+
+def _outdoes(other: Candidate, c: Candidate) -> bool:
+    """True if another effect on the axis gains more on held-out data, beyond the errors of both gains."""
+    if other.axis != c.axis or other.gain is None or c.gain is None or other.effect.id == c.effect.id:
+        return False
+    return other.gain - c.gain > float(np.hypot(other.gain_se or 0.0, c.gain_se or 0.0))
 
 
 def _joined(candidates: Sequence[Candidate], axis: str, alone: Callable[[Candidate], bool], beside: Beside) -> list[Candidate]:
