@@ -137,6 +137,48 @@ def test_raw_counts_are_not_guessed() -> None:
     assert "gz_dps=gz:counts" in {g.map for g in guess(Source("a.csv", table), Scaling(lsb_dps=0.00763359))}
 
 
+def test_a_stated_size_of_a_count_holds_for_few_counts_too() -> None:
+    """At rest whole numbers up to 49 were taken for dps, and 8192 counts for 1 g, whatever --lsb-dps and --lsb-g said."""
+    names = ["t", *xyz("g"), *xyz("a")]
+    table = columns(names, 49, 8192, 1).with_columns(pl.col(names[1:]).round())
+    found = {g.map for g in guess(Source("a.csv", table), Scaling(lsb_dps=0.00763, lsb_g=0.000061))}
+    assert {"gx_dps=gx:counts", "az_g=az:counts"} <= found
+    assert "gx_dps=gx:dps" in {g.map for g in guess(Source("a.csv", table), Scaling())}
+
+
+@pytest.mark.parametrize("maps", [(), ("t_s=t:s", *(f"g{a}_dps=g{a}:counts" for a in "xyz"))])
+def test_counts_without_their_sign_are_refused_with_the_size_of_one_too(tmp_path: Path, maps: tuple[str, ...]) -> None:
+    rng = np.random.default_rng(4)
+    counts = rng.integers(-40, 40, (500, 3)) % 65536
+    table = pl.DataFrame({"t": np.arange(500) / 100, **{f"g{a}": counts[:, i] for i, a in enumerate("xyz")}})
+    table.write_csv(tmp_path / "a.csv")
+    options = Options(maps=maps, scaling=Scaling(lsb_dps=0.00763), defaults={"table_rate_dps": 0.0})
+    with pytest.raises(InputError, match=r"without their sign.*Subtract 65536"):
+        read_recording(tmp_path / "a.csv", options)
+
+
+def test_a_part_number_in_a_name_and_the_acceleration_that_shows_gravity() -> None:
+    """HyperIMU writes gyroscope_lsm6ds3_c.x, and linear_Acceleration.x, which came first and has no gravity."""
+    table = columns(["timestamp", *xyz("gyroscope_lsm6ds3_c."), *xyz("accelerometer_lsm6ds3_c.")], 3, 9.8, 1e3)
+    rng = np.random.default_rng(5)
+    linear = [pl.Series(f"linear_Acceleration.{a}", rng.normal(0, 1, N)) for a in "xyz"]
+    found = {g.map for g in guess(Source("a.csv", pl.concat([pl.DataFrame(linear), table], how="horizontal")), Scaling())}
+    assert "az_g=accelerometer_lsm6ds3_c.z:m/s2" in found
+    assert any(text.startswith("gz_dps=gyroscope_lsm6ds3_c.z:") for text in found)
+
+
+def test_rows_written_twice_are_found_beside_rows_that_share_a_stamp(tmp_path: Path) -> None:
+    """A log that is flushed in parts stamps several rows alike, and writes some of them again."""
+    rng = np.random.default_rng(6)
+    t_ms = np.repeat(np.arange(800) * 20, 2)
+    rows = np.column_stack([t_ms, rng.normal(0, 0.5, (1600, 3)).round(3)])
+    again = np.sort(np.concatenate([np.arange(1600), rng.choice(1600, 500, replace=False)]))
+    pl.DataFrame(rows[again], schema=["t_ms", "gx", "gy", "gz"]).write_csv(tmp_path / "a.csv")
+    maps = ("t_s=t_ms:ms", *(f"g{a}_dps=g{a}:dps" for a in "xyz"))
+    found = read_recording(tmp_path / "a.csv", Options(maps=maps, defaults={"table_rate_dps": 0.0}))
+    assert len(found.session.runs[0]) == 1600
+
+
 def test_no_gyroscope_is_told() -> None:
     with pytest.raises(InputError, match="no gyroscope is recognized among t, ax, ay"):
         guess(Source("a.csv", columns(["t", "ax", "ay"], 1, 1, 1)), Scaling())

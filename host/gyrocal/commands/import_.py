@@ -18,7 +18,7 @@ CUT = "NAME:START:END[:key=value,...]"
 REPAIRED = {
     "rests": "runs at rest were made of the still parts before and after a known turn",
     "hung": "runs lost the stretches in which the sensor hung and repeated one reading",
-    "times": "times were replaced by their regression on the sample's number",
+    "times": "samples are of runs whose times were mended, as the notes say",
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",
     "cells": "cells of text in optional columns were taken as missing",

@@ -43,6 +43,8 @@ UNIT_WORDS = {
 BRACKETS = r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*"
 CAMEL = ((r"(?<![A-Za-z])mG(?![a-z])", "mg"), (r"deg([CFK])\b", r"deg_\1"), (r"(?<=[a-z0-9])(?=[A-Z])", "_"))
 CAMEL_OF_CAPITALS = r"(?<=[A-Z]{2})(?=[A-Z][a-z])"
+OF_A_PART = r"[a-z]{2,4}\d[a-z0-9]{2,}(?:_[a-z])?"
+"""A sensor's part number within a column's name, as in ``gyroscope_lsm6ds3_c.x``."""
 MOST_OF_A_KIND = 3
 """Columns that are numbered further are of several sensors."""
 
@@ -75,7 +77,7 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
     units = rf"(?:[_.]?(?:{spelled}|mdps|deg|mg|gs?|raw))?"
     kind = r"(?:[_.]?(?:cal|calib|calibrated|raw|out|value|axis|cnt|counts?|lsb))?(?:_\d{1,2})?"
-    which = r"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{1,3})?"
+    which = rf"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{{1,3}})?(?:_{OF_A_PART})?"
     stem = rf"(?:.*[/._])?(?:{words}){which}{units}"
     bare = {name: bare_name(name)[0] for name in source.frame.columns}
     number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)

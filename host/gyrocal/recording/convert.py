@@ -18,8 +18,8 @@ from gyrocal.recording.timing import smoothing_spline
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
-TWICE = 0.9
-"""Part of the rows with the time of the row before that repeat it as a whole, where rows were written twice."""
+CHANCE = 1e-3
+"""Probability below which it is no chance that readings repeat where times do, and hardly ever elsewhere."""
 LONGER = 1.5
 """Part of the usual interval above which that after a row and its copy is two intervals."""
 SELDOM = 0.01
@@ -120,7 +120,10 @@ def _written_once(table: Converted) -> Converted:
     equal = np.all([(c[1:] == c[:-1]) | (np.isnan(c[1:]) & np.isnan(c[:-1])) for c in readings], axis=0)
     stamped = np.diff(t_s) == 0
     twice = stamped & equal
-    if not twice.any() or twice.sum() < TWICE * stamped.sum() or (equal & ~stamped).sum() > SELDOM * (~stamped).sum():
+    others = int((~stamped).sum())
+    if not twice.any() or (equal & ~stamped).sum() > SELDOM * others:
+        return table
+    if (1 - twice.sum() / stamped.sum()) ** others > CHANCE:
         return table
     kept = np.concatenate([[True], ~twice])
     if kept.sum() < 2:

@@ -124,12 +124,12 @@ def guess(
     phone |= any(re.fullmatch(OF_A_PHONE, str(name)) for name in named.values())
     gyro = {axis: name for axis, name in named.items() if name is not None and f"g{axis}_dps" not in found}
     if "ax_g" not in found:
-        for guessed in _acceleration(source):
+        for guessed in _acceleration(source, scaling):
             _add(found, guessed)
     si = any(g.map.endswith(":m/s2") for name, g in found.items() if name.startswith("a"))
     if gyro:
         maker = PHONE if phone else "the accelerometer is in m/s2" if si else ""
-        unit = unit_of_gyro(source, gyro, _moves(source, found), _with_reference(known, source, found), maker, scaling)
+        unit = unit_of_gyro(source, gyro, _moves(source, found, scaling), _with_reference(known, source, found), maker, scaling)
         for axis, name in gyro.items():
             others = ", ".join(n for n in every[axis] if n != name)
             why = f"{unit.why}; not {others}" if others else unit.why
@@ -149,11 +149,13 @@ def guess(
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
 
 
-def _acceleration(source: Source) -> list[Guess]:
+def _acceleration(source: Source, scaling: Scaling) -> list[Guess]:
     """The three columns of an accelerometer: of several the first with gravity, which a phone's linear acceleration lacks."""
     each = [every_named(source, ACCELERATION, axis) for axis in AXES]
-    for names in zip(*each, strict=False):
-        if (unit := unit_of_acceleration(source, names)) is not None:
+    known = [(names, unit_of_acceleration(source, names, scaling)) for names in zip(*each, strict=False)]
+    known.sort(key=lambda found: found[1] is None or not found[1].sure)
+    for names, unit in known[:1]:
+        if unit is not None:
             return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
     return []
 
@@ -173,12 +175,12 @@ def _with_reference(known: Known, source: Source, found: Mapping[str, Guess]) ->
     return replace(known, reference_dps=rate_dps)
 
 
-def _moves(source: Source, found: Mapping[str, Guess]) -> Motion | None:
+def _moves(source: Source, found: Mapping[str, Guess], scaling: Scaling) -> Motion | None:
     """The times and the accelerations that were recognized; None without them."""
     wanted = ("t_s", "ax_g", "ay_g", "az_g")
     if not set(wanted) <= set(found):
         return None
-    t_s, *acc_g = (source.numbers(ColumnMap.parse(found[name].map, Scaling())) for name in wanted)
+    t_s, *acc_g = (source.numbers(ColumnMap.parse(found[name].map, scaling)) for name in wanted)
     return Motion(t_s, np.column_stack(acc_g))
 
 

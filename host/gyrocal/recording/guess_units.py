@@ -87,8 +87,8 @@ class Known:
     reference_dps: Callable[[], float | None] = lambda: None
 
 
-def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
-    """The unit of three columns; None if they hold no gravity."""
+def unit_of_acceleration(source: Source, names: Sequence[str], scaling: Scaling) -> Unit | None:
+    """The unit of three columns; None if they hold no gravity. It is not sure where their size is that of no unit."""
     parts = [values_of(source, name) for name in names]
     length = min(p.size for p in parts)
     sizes = np.sqrt(sum(p[:length] ** 2 for p in parts)) if length else np.zeros(1)
@@ -98,6 +98,9 @@ def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
         one = dict(ACCELERATIONS)[stated or "m/s2"]
         why = "the unit is in its name" if stated else "messages of this kind are in m/s2"
         return Unit(f":{stated or 'm/s2'}", why) if size > LEAST_G * one else None
+    whole = all(np.array_equal(p, np.rint(p)) for p in parts)
+    if whole and scaling.lsb_g is not None:
+        return Unit(":counts", "whole numbers, of which --lsb-g says the size")
     varies = most > VARIES * least
     for unit, one in ACCELERATIONS[:-1] if varies else ACCELERATIONS:  # 1 m/s2 of a motion without gravity looks like 1 g
         if 0.8 < (least if varies else size) / one < 1.25:
@@ -107,12 +110,13 @@ def unit_of_acceleration(source: Source, names: Sequence[str]) -> Unit | None:
             return Unit(f"/{counts}", f"its size is {size:.6g} counts")
     if size < LEAST_G:
         return None
-    if all(np.array_equal(p, np.rint(p)) for p in parts):
+    if whole:
         return Unit(f"/{size:.6g}", f"its size, {size:.6g} counts, is taken for 1 g")
     if varies:
         return None
     unit, one = min(ACCELERATIONS, key=lambda unit: abs(np.log(size / unit[1])))
-    return Unit(f":{unit}", f"its size is {size:.4g}, and gravity is {one:.4g}: the scale of this accelerometer is wrong")
+    why = f"its size is {size:.4g}, and gravity is {one:.4g}: the scale of this accelerometer is wrong"
+    return Unit(f":{unit}", why, sure=False)
 
 
 def unit_of_gyro(
@@ -126,10 +130,10 @@ def unit_of_gyro(
     if not values.size:
         return Unit(":dps", "it holds no number")
     largest = float(np.abs(values).max())
-    if np.all(values == np.rint(values)) and largest > COUNTS_ABOVE:
+    if np.all(values == np.rint(values)) and (largest > COUNTS_ABOVE or scaling.lsb_dps is not None):
         if scaling.lsb_dps is None:
             raise _counts(source, next(iter(names.values())), values)
-        return Unit(":counts", "whole numbers")
+        return Unit(":counts", "whole numbers, of which --lsb-dps says the size")
     if largest > LARGEST_RAD_S:
         return Unit(":dps", f"readings up to {largest:.4g} are too large for rad/s")
     up_to = f"readings up to {largest:.4g}"
@@ -153,15 +157,22 @@ def values_of(source: Source, name: str) -> Array:
     return values[np.isfinite(values)]
 
 
+def check_signed(source: Source, names: Sequence[str]) -> None:
+    """InputError if columns hold counts of 16 bits without their sign: large and small ones, and none between."""
+    for name in names:
+        values = values_of(source, name)
+        if not values.size or values.min() < 0 or values.max() <= 49152 or not np.array_equal(values, np.rint(values)):
+            continue
+        if float(np.mean((values > 49152) | (values < 16384))) > 0.99:
+            raise InputError(
+                f"{source.label}: {name} holds counts of 16 bits without their sign: those above 32767 are negative. "
+                "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
+            )
+
+
 def _counts(source: Source, name: str, values: Array) -> InputError:
     """The refusal of raw counts whose size is not known."""
     largest = float(np.abs(values).max())
-    turned = float(np.mean((values > 49152) | ((values >= 0) & (values < 16384))))
-    if values.min() >= 0 and largest > 49152 and turned > 0.99:
-        return InputError(
-            f"{source.label}: {name} holds counts of 16 bits without their sign: those above 32767 are negative. "
-            "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
-        )
     return InputError(
         f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
         f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones map each axis, as by "

@@ -10,7 +10,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording import joined, readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
 from gyrocal.recording.guess import Guess, guess, time_column
-from gyrocal.recording.guess_units import Known, typical_rate_dps
+from gyrocal.recording.guess_units import Known, check_signed, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
@@ -20,6 +20,8 @@ from gyrocal.recording.split_stamps import is_whole_stamp, with_whole_stamps
 from gyrocal.recording.table import REQUIRED
 
 TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
+COUNTS = "counts"
+"""The unit of raw readings."""
 BAG = "metadata.yaml"
 """A folder with this file is a ROS 2 bag."""
 
@@ -71,6 +73,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     complete = any(f"g{a}_dps" in targets for a in AXES)
     source = source_of(files, names if complete else (), options)
     source.check_has(names)
+    check_signed(source, [m.column for m in mappings if m.unit == COUNTS and not m.offset])
     if complete:
         return Mapped(mappings, source)
     if not mappings and set(REQUIRED) <= set(source.frame.columns):
@@ -90,7 +93,9 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
-    return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
+    further = [ColumnMap.parse(g.map, scaling) for g in guessed]
+    check_signed(source, [m.column for m in further if m.unit == COUNTS])
+    return Mapped([*mappings, *further], source, guessed)
 
 
 def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN) -> Source:
