@@ -131,6 +131,7 @@ def unit_of_gyro(
         return Unit(":dps", "it holds no number")
     largest = float(np.abs(values).max())
     if np.all(values == np.rint(values)) and (largest > COUNTS_ABOVE or scaling.lsb_dps is not None):
+        check_signed(source, list(names.values()))
         if scaling.lsb_dps is None:
             raise _counts(source, next(iter(names.values())), values)
         return Unit(":counts", "whole numbers, of which --lsb-dps says the size")

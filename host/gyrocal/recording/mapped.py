@@ -93,9 +93,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
-    further = [ColumnMap.parse(g.map, scaling) for g in guessed]
-    check_signed(source, [m.column for m in further if m.unit == COUNTS])
-    return Mapped([*mappings, *further], source, guessed)
+    return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
 
 
 def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN) -> Source:
