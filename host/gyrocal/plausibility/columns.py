@@ -10,7 +10,7 @@ from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
-from gyrocal.recording.stamps import has_even_course, in_bursts, lost, period_s, step_range_s
+from gyrocal.recording.stamps import course, in_bursts, lost, period_s, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -184,8 +184,9 @@ def measured_hz(run: Run) -> float:
     Elsewhere lost samples are counted if that makes the rate the stated one, as when a recording with dropouts is imported.
     """
     bursts = in_bursts(run.t_s)
-    if not bursts and not has_even_course(run.t_s):
-        return 1 / period_s(run.t_s)
+    interval_s, even = (0.0, True) if bursts else course(run.t_s)
+    if not even:
+        return 1 / interval_s
     gaps = np.diff(run.t_s)
     first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])
     number = first - first.mean()
@@ -193,5 +194,5 @@ def measured_hz(run: Run) -> float:
     if hz < POLICY.slowest_hz or bursts:
         return hz
     missing = lost(run.t_s, 1 / run.sample_rate_hz)
-    with_lost_hz = (len(run) - 1 + missing) / float(run.t_s[-1] - run.t_s[0]) if missing else 1 / period_s(run.t_s)
+    with_lost_hz = (len(run) - 1 + missing) / float(run.t_s[-1] - run.t_s[0]) if missing else 1 / interval_s
     return hz if abs(with_lost_hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off else with_lost_hz

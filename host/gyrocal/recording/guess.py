@@ -152,12 +152,12 @@ def guess(
 def _acceleration(source: Source, scaling: Scaling) -> list[Guess]:
     """The three columns of an accelerometer: of several the first with gravity, which a phone's linear acceleration lacks."""
     each = [every_named(source, ACCELERATION, axis) for axis in AXES]
-    known = [(names, unit_of_acceleration(source, names, scaling)) for names in zip(*each, strict=False)]
-    known.sort(key=lambda found: found[1] is None or not found[1].sure)
-    for names, unit in known[:1]:
-        if unit is not None:
-            return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
-    return []
+    units = ((names, unit_of_acceleration(source, names, scaling)) for names in zip(*each, strict=False))
+    known = [(names, unit) for names, unit in units if unit is not None]
+    if not known:
+        return []
+    names, unit = next((one for one in known if one[1].sure), known[0])
+    return [Guess(f"a{axis}_g={name}{unit.text}", unit.why) for axis, name in zip(AXES, names, strict=True)]
 
 
 def _with_reference(known: Known, source: Source, found: Mapping[str, Guess]) -> Known:

@@ -124,12 +124,14 @@ def typical_step_s(t_s: Array) -> float:
 
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
-    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(_without_incidents(t_s)[0]))[1]
+    return course(t_s)[0]
 
 
-def has_even_course(t_s: Array) -> bool:
-    """False if stamps [n], s, are of samples that a program took when it came to it, or at several rates."""
-    return _is_even(t_s) or _numbered(_without_stale(_without_incidents(t_s)[0]))[2]
+def course(t_s: Array) -> tuple[float, bool]:
+    """The sampling interval, s, and whether the course is even, as in :class:`Stamps`."""
+    if _is_even(t_s):
+        return _even_interval_s(t_s), True
+    return _numbered(_without_stale(_without_incidents(t_s)[0]))[1:]
 
 
 def lost(t_s: Array, stated_s: float) -> int:
@@ -250,14 +252,14 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
     """
     n = t_s.size
     if n < 3:
-        return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1), True
+        return np.arange(n), _mean_with_gaps_s(t_s), True
     if _is_even(t_s):
         return np.arange(n), _even_interval_s(t_s), True
+    if _changes_rate(t_s):
+        return np.arange(n), _mean_with_gaps_s(t_s), False
     on_grid = _on_grid(t_s)
     if on_grid is not None:
         return *on_grid, True
-    if _changes_rate(t_s):
-        return np.arange(n), _mean_with_gaps_s(t_s), False
     if _is_on_demand(t_s):
         return np.arange(n), _mean_step_s(np.diff(t_s)), False
     burst = _longest_burst(t_s)
@@ -310,8 +312,8 @@ def _is_even(t_s: Array) -> bool:
 def _on_grid(t_s: Array) -> tuple[Index, float] | None:
     """The numbers and the interval of exact stamps [n], s, with lost samples; None for any other stamps.
 
-    All steps are whole numbers of the usual one, the samples fall ever farther behind an even course, and the long steps come
-    one by one. Stamps that are rounded to ticks have such steps too, but keep to the course.
+    All steps are whole numbers of the usual one, and the samples fall ever farther behind an even course. Stamps that are
+    rounded to ticks have such steps too, but keep to the course.
     """
     steps = np.diff(t_s)
     interval_s = float(np.median(steps))
@@ -326,9 +328,7 @@ def _on_grid(t_s: Array) -> tuple[Index, float] | None:
         interval_s = _slope_s(number, t_s)
     every = np.arange(t_s.size)
     behind = number - np.polyval(np.polyfit(every, number, 1), every)
-    if float(np.std(behind)) < LONG or _changes_rate(t_s):
-        return None
-    return number, interval_s
+    return (number, interval_s) if float(np.std(behind)) >= LONG else None
 
 
 def _changes_rate(t_s: Array) -> bool:

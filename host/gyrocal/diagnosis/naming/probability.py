@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Any
-
-import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
 from gyrocal.diagnosis.naming.decision import evident_gain, in_range
@@ -155,9 +154,9 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
 
 def _outdoes(other: Candidate, c: Candidate) -> bool:
     """True if another effect on the axis gains more on held-out data, beyond the errors of both gains."""
-    if other.axis != c.axis or other.gain is None or c.gain is None or other.effect.id == c.effect.id:
+    if other.axis != c.axis or other.gain is None or c.gain is None:
         return False
-    return other.gain - c.gain > float(np.hypot(other.gain_se or 0.0, c.gain_se or 0.0))
+    return other.gain - c.gain > hypot(other.gain_se or 0.0, c.gain_se or 0.0)
 
 
 def _joined(candidates: Sequence[Candidate], axis: str, alone: Callable[[Candidate], bool], beside: Beside) -> list[Candidate]:
