@@ -33,7 +33,7 @@ def plain(session: Session) -> AxisFit:
 @pytest.mark.parametrize(
     ("planted", "campaign", "cycles", "seconds", "before", "after"),
     [
-        (SPIN_UP, "paper", 6, 30.0, 3.0, 2.0), (SPIN_UP, "full", 1, 20.0, 4.0, 2.0), (CUBIC, "full", 1, 20.0, 7.0, 2.0),
+        (SPIN_UP, "paper", 6, 30.0, 3.0, 2.0), (SPIN_UP, "full", 1, 20.0, 2.5, 2.0), (CUBIC, "full", 1, 20.0, 7.0, 2.0),
         (LAG, "swing", 2, 15.0, 3.5, 2.0), (WARMUP, "paper", 6, 30.0, 3.0, 2.5),
     ],
 )  # fmt: skip

@@ -60,7 +60,7 @@ def beside_misfit(fitted: Fit, axes: Iterable[str], drawn: Mapping[str, AxisFit]
         if apart is not current:
             found = finish(apart, reported=True, misfit=True)
             return replace(told, terms=found.terms, noise_model=found.noise_model)
-        pairs = zip(told.terms, finish(current, misfit=True).terms, strict=True)
+        pairs = zip(told.terms, finish(current, reported=True, misfit=True).terms, strict=True)
         return replace(told, terms=tuple(replace(term, se=beside.se) for term, beside in pairs))
 
     changed = {axis: wider(fitted.axes[axis], (drawn or fitted.axes)[axis]) for axis in axes}

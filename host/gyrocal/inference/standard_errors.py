@@ -9,6 +9,7 @@ import numpy as np
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.beside_drift import drift_factor
+from gyrocal.inference.carried_drift import carried_factor
 from gyrocal.inference.contradictions import misfit_factor
 from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
@@ -25,16 +26,17 @@ from gyrocal.recording.session import Array
 def finish(current: AxisFit, reported: bool = False, misfit: bool = False) -> AxisFit:
     """The fit with its terms and noise as a model holds them: parameters by name, with their standard errors.
 
-    Only if the noise is ``reported``, the errors of its spreads contain what the drift leaves unknown; that takes longer. Where
-    the tests of the residual have found a ``misfit``, the errors contain what parts of the data that contradict each other
-    leave open.
+    Only if they are ``reported``, the errors contain what the drift leaves unknown of the spreads, and what it adds where it
+    goes on from run to run; that takes longer. Where the tests of the residual have found a ``misfit``, the errors contain what
+    parts of the data that contradict each other leave open.
     """
     current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
+    factor = widening(current) * widening_by_turns(current)
     if reported:
         scenario_se = scenario_se * drift_factor(current, scenario_se)
-    factor = widening(current) * widening_by_turns(current)
+        factor = factor * carried_factor(current)
     if misfit:
         factor = factor * misfit_factor(current)
     together = joint(current).widened(factor)

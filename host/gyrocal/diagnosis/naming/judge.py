@@ -111,6 +111,8 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
+    if chance < POLICY.name_alarm:
+        term = finish(fitted, reported=True).terms[-1]
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=next_one, signal=_over_given(fitted, signal), unit_gains=gains, explained=excess.part,
