@@ -77,6 +77,18 @@ def test_lost_samples_are_counted(part: float, burst: int, jitter_s: float) -> N
     assert told.text.startswith(f"{2 * (6000 - t_s.size)} of 12000 samples in 2 runs are missing")
 
 
+def test_one_gap_longer_than_a_part_beside_it_may_be_a_pause() -> None:
+    """A logger that stood still for 47 s had lost "235 of 362 samples", and only its FIFO was to be read."""
+    t_s = np.concatenate([np.arange(600) / 100.0, 20 + np.arange(600) / 100.0])
+    run = make_run(t_s, np.random.default_rng(1).normal(0, 0.05, (1200, 3)), table_rate_dps=0.0, rate_hz=100.0)
+    (told,) = check(make_session(run))
+    assert told.code == "samples_lost"
+    assert told.text.startswith("For 14 s after 5.99 s there is no sample, the time of 1400 of 2600 (53.85%). If the logger")
+    kept = np.abs(t_s - 3.0) > 0.1  # a second gap, which is short
+    (told,) = check(make_session(make_run(t_s[kept], run.gyro_dps[kept], table_rate_dps=0.0, rate_hz=100.0)))
+    assert "samples are missing" in told.text
+
+
 @pytest.mark.parametrize("kind", ["ms", "jitter", "ticks", "late"])
 def test_uneven_stamps_are_no_lost_samples(kind: str) -> None:
     rng = np.random.default_rng(4)

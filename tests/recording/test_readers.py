@@ -66,6 +66,19 @@ def test_mat_with_structures_and_as_text(tmp_path: Path) -> None:
     assert np.allclose(read_recording(tmp_path / "ascii.mat", options).session.runs[0].gyro_dps, np.degrees(GYRO))
 
 
+def test_arrays_of_other_lengths_are_told_and_the_gyroscope_s_length_is_taken(tmp_path: Path) -> None:
+    """A raw buffer of another length held more numbers than the readings, which were left out in silence."""
+    content = {"time": (T_NS - START_NS) / 1e9, "SENSgyro": GYRO, "s_read": np.zeros((2 * N, 12)), "late": np.zeros(N // 2)}
+    savemat(tmp_path / "a.mat", content)
+    source = readers.read(tmp_path / "a.mat")
+    assert [name for name in source.frame.columns if "gyro" in name] == ["SENSgyro.0", "SENSgyro.1", "SENSgyro.2"]
+    with pytest.raises(InputError, match=rf"no column 'late'.*of another length than these {N} rows: s_read\.0 \({2 * N}\)"):
+        source.check_has(["late"])
+    savemat(tmp_path / "b.mat", {"u": np.zeros(8), "v": np.zeros(5)})
+    with pytest.raises(InputError, match=r"no gyroscope is recognized among u; .*rows: v \(5\)"):
+        read_recording(tmp_path / "b.mat", Options(defaults={"table_rate_dps": 0.0}))
+
+
 def test_mat_of_version_7_3_says_how_to_save_it(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
     with pytest.raises(InputError, match="save FILE -v7"):

@@ -141,6 +141,15 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     at = int(np.argmax(steps_s))
     file, where, of_file = (longest.file, "", "") if len(hit) == 1 else (None, f" in {len(hit)} runs", f" of {longest.file}")
     part = percentage(missing / (missing + there), 2)
+    beside = longest.t_s[: at + 1], longest.t_s[at + 1 :]
+    alone = len(hit) == 1 and not any(lost(part, 1 / longest.sample_rate_hz) for part in beside)
+    if alone and steps_s[at] > min(map(np.ptp, beside)):
+        text = (
+            f"For {steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s there is no sample, the time of {missing} of "
+            f"{missing + there} ({part}). If the logger paused, make a run of each part (--run when importing); if samples were lost, read the "
+            "sensor's FIFO or its data-ready signal"
+        )
+        return [Warning("samples_lost", None, file, text)]
     text = (
         f"{missing} of {missing + there} samples{where} are missing ({part}), where the times skip sampling intervals, most "
         f"{steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s{of_file}. The samples that are there are used. Read the sensor's "

@@ -14,7 +14,7 @@ GYRO = (
     r"rotation_?rate|all_gyro_2|drehrate|rot|angular_velocity\.xyz|wb"
 )
 SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
-"""Words that are clear also behind the axis, as in ``x_gyro``."""
+"""Words that are clear also behind the axis, as in ``x_gyro``, and behind capitals, as in ``SENSgyro``."""
 TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 BODY_RATES = {"x": "p", "y": "q", "z": "r"}
 """Names of flight mechanics, which single letters are only beside :data:`OF_A_BODY` or a unit of a rate."""
@@ -58,6 +58,7 @@ def bare_name(name: str) -> tuple[str, str]:
     name = re.sub(r"[\[(]([xyzXYZ])[\])]", r"_\1", name.strip().removesuffix("[]"))
     match = re.fullmatch(BRACKETS, name)
     bare, unit = (match[1], match[2]) if match else (name, "")
+    bare = re.sub(rf"(?<=[A-Z])(?={SPELLED})", "_", bare)
     for pattern, written in CAMEL:
         bare = re.sub(pattern, written, bare)
     bare = re.sub(r"[ :\-_]+", "_", re.sub(CAMEL_OF_CAPITALS, "_", bare).strip(" #").lower()).strip("_")

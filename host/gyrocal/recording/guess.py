@@ -137,7 +137,7 @@ def guess(
     if not any(f"g{a}_dps" in found for a in AXES):
         raise InputError(
             f"{source.label}: no gyroscope is recognized among {', '.join(source.frame.columns[:40])}; say which columns to "
-            "take: --map gz_dps=COLUMN:UNIT"
+            f"take: --map gz_dps=COLUMN:UNIT{source.left_out}"
         )
     if "temp_c" not in found:
         _add(found, _temperature(source))

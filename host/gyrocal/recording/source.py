@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,8 @@ class Source:
     """True if the kind of file defines its units, which are rad/s and m/s2."""
     names: tuple[str, ...] = ()
     """The names of all of the file's columns, where the table does not hold them all."""
+    other_lengths: tuple[str, ...] = ()
+    """Arrays of the file with another number of entries, which are no columns of the table, each with that number in words."""
 
     def check_has(self, names: Sequence[str]) -> None:
         """Raise InputError if one of the columns is missing."""
@@ -62,7 +64,13 @@ class Source:
             if name not in self.frame.columns:
                 shown = ", ".join(self.frame.columns[:SHOWN_COLUMNS])
                 near = did_you_mean(name, self.frame.columns)
-                raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
+                raise InputError(f"{self.label}: no column {name!r} among {shown}{near}{self.left_out}")
+
+    @property
+    def left_out(self) -> str:
+        """What is in the file and in no column, in words that end an error."""
+        others = ", ".join(self.other_lengths[:SHOWN_COLUMNS])
+        return f"; of another length than these {self.frame.height} rows: {others}" if others else ""
 
     def not_taken(self, mappings: Sequence[ColumnMap]) -> str:
         """The columns that no mapping takes, in words that end an error."""
@@ -136,9 +144,13 @@ def _unrolled(counter: Array, first: float = 0.0) -> Array:
     return counter + WRAP * np.concatenate([[0], np.cumsum(again)])
 
 
-def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:
-    """A table of arrays by name: those of the length that holds most numbers; [n, k] becomes the columns ``name.0`` to k - 1.
+def of_arrays(
+    path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False,
+    holds: Callable[[Source], bool] = lambda _: True,
+) -> Source:  # fmt: skip
+    """A table of arrays by name, all of one length; [n, k] becomes the columns ``name.0`` to k - 1.
 
+    Of several lengths it is the one that holds most numbers and what ``holds`` asks for, or most numbers if none does.
     Parameters of three numbers may be more than the columns of the readings.
 
     InputError where no array of numbers has two entries.
@@ -157,9 +169,14 @@ def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: 
     lengths = [array.size for array in columns.values()]
     if not lengths:
         raise InputError(f"{path}: no columns of numbers in it")
-    length = max(set(lengths), key=lambda n: (n * lengths.count(n), n))
-    frame = pl.DataFrame({name: np.ascontiguousarray(a) for name, a in columns.items() if a.size == length})
-    return Source(label or str(path), frame, si=si)
+
+    def table(length: int) -> Source:
+        frame = pl.DataFrame({name: np.ascontiguousarray(a) for name, a in columns.items() if a.size == length})
+        others = tuple(f"{name} ({a.size})" for name, a in columns.items() if a.size != length)
+        return Source(label or str(path), frame, si=si, other_lengths=others)
+
+    tables = [table(n) for n in sorted(set(lengths), key=lambda n: (n * lengths.count(n), n), reverse=True)]
+    return next(filter(holds, tables), tables[0])
 
 
 def moments_ns(column: pl.Series) -> pl.Series | None:

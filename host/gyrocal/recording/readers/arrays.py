@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.recording.column_names import GYRO, every_named
+from gyrocal.recording.run import AXES
 from gyrocal.recording.source import Source, of_arrays
 
 ZIP = b"PK\x03\x04"
@@ -40,7 +43,7 @@ def read_npz(path: Path) -> Source:
                     continue
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a readable .npz file: {first_line(error)}") from None
-    return of_arrays(path, arrays)
+    return of_arrays(path, arrays, holds=_a_gyroscope)
 
 
 def _what_else(members: list[str]) -> str:
@@ -56,14 +59,21 @@ def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
     ``path`` names the ``file``, which begins with ``head``.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     if HDF5 in head:
         raise InputError(f"{path}: a MATLAB file of version 7.3, which is not read; save it with: save FILE -v7")
     try:
-        loaded = loadmat(file, simplify_cells=True)
+        with warnings.catch_warnings():  # of the workspace of functions, which holds no arrays
+            warnings.simplefilter("ignore", MatReadWarning)
+            loaded = loadmat(file, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a damaged file
         raise InputError(f"{path}: not a readable MATLAB file: {first_line(error)}") from None
-    return of_arrays(path, dict(_flat(loaded)))
+    return of_arrays(path, dict(_flat(loaded)), holds=_a_gyroscope)
+
+
+def _a_gyroscope(table: Source) -> bool:
+    return any(every_named(table, GYRO, axis) for axis in AXES)
 
 
 def _flat(tree: dict[str, Any], above: str = "") -> list[tuple[str, Any]]:
