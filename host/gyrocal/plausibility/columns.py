@@ -146,8 +146,8 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     if alone and steps_s[at] > min(map(np.ptp, beside)):
         text = (
             f"For {steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s there is no sample, the time of {missing} of "
-            f"{missing + there} ({part}). If the logger paused, make a run of each part (--run when importing); if samples were "
-            "lost, read the sensor's FIFO or its data-ready signal"
+            f"{missing + there} ({part}). If the logger paused, make a run of each part (--run when importing); if samples "
+            "were lost, read the sensor's FIFO or its data-ready signal"
         )
         return [Warning("samples_lost", None, file, text)]
     text = (
