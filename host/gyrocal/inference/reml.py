@@ -205,6 +205,13 @@ class Equations:
         each = zip(found.loglik, found.beta, found.cov, found.chi2, strict=True)
         return [Solution(float(loglik), beta, cov, float(chi2)) for loglik, beta, cov, chi2 in each]
 
+    def profile_logliks(self, spreads: Spreads) -> Array:
+        """:attr:`Solution.profile_loglik` at each of many noises, [many]."""
+        found, p = self._solved(spreads), self._size - 1
+        information = -np.linalg.slogdet(found.cov)[1] if p else 0.0
+        profile = found.loglik + 0.5 * information - 0.5 * p * np.log(2 * np.pi)
+        return np.where(np.isfinite(found.loglik), profile, -np.inf)
+
     def logliks(self, spreads: Spreads) -> Array:
         """The log-likelihood [many] of each of many noises, or of many spreads [many, k] at one noise."""
         return self._solved(spreads).loglik

@@ -136,13 +136,15 @@ class _Offsets:
         """Profile log-likelihood with free offsets of all runs. It does not depend on how wide their spread is."""
         wide_dps = FREE * np.maximum(self._se_dps, float(self.fit.design.column_rms[0]))
         of_runs = [wide_dps[runs] for runs in self.walks.runs]
-        return self._beside(self._modes([np.diag(wide) for wide in of_runs])) + float(np.log(np.concatenate(of_runs)).sum())
+        beside = self._beside(self._modes([np.diag(wide) for wide in of_runs]), np.ones(1))
+        return float(beside[0] + np.log(np.concatenate(of_runs)).sum())
 
     def _likeliest(self, roots: Sequence[Array]) -> tuple[float, float]:
         """Profile log-likelihood at the likeliest multiple of the roots, and that multiple."""
-        unit_dps = float(np.median(self._se_dps[np.concatenate(self.walks.runs)]))
-        modes = self._modes(roots)
-        return max((self._beside(modes, size), size) for size in (unit_dps * STEPS).tolist())
+        sizes = float(np.median(self._se_dps[np.concatenate(self.walks.runs)])) * STEPS
+        logliks = self._beside(self._modes(roots), sizes)
+        best = int(np.argmax(logliks))
+        return float(logliks[best]), float(sizes[best])
 
     def _modes(self, roots: Sequence[Array]) -> list[tuple[Array, Array]]:
         """The modes of offsets whose covariance has these roots [r, k], one for each power cycle.
@@ -155,16 +157,16 @@ class _Offsets:
             out.append((np.maximum(known, 0.0), vectors.T @ (root.T @ self.grams[runs, bias])))
         return out
 
-    def _beside(self, modes: Sequence[tuple[Array, Array]], size: float = 1.0) -> float:
-        """Profile log-likelihood with the offsets of these modes, times ``size``, integrated out."""
-        design, grams, logdet = self.fit.design, [], []
+    def _beside(self, modes: Sequence[tuple[Array, Array]], sizes: Array) -> Array:
+        """Profile log-likelihoods [s] with the offsets of these modes, times each of ``sizes`` [s], integrated out."""
+        design, grams, logdet, squares = self.fit.design, [], [], sizes[:, None] ** 2
         for runs, (known, products) in zip(self.walks.runs, modes, strict=True):
-            weight = size**2 / (1 + size**2 * known)
-            grams.append(self.grams[runs].sum(axis=0) - (products.T * weight) @ products)
-            logdet.append(float(self.logdet[runs].sum() + np.log1p(size**2 * known).sum()))
+            weights = squares / (1 + squares * known)
+            grams.append(self.grams[runs].sum(axis=0) - (products.T * weights[:, None, :]) @ products)
+            logdet.append(self.logdet[runs].sum() + np.log1p(squares * known).sum(axis=1))
         shared, n = replace(design.layout, run=(), run_group=()), int(design.n_blocks.sum())
-        equations = Equations(shared, np.array(grams), np.array(logdet), np.arange(len(grams)), n)
-        return equations.solve(Spreads(np.zeros(0), self.fit.spreads.scenario)).profile_loglik
+        equations = Equations(shared, np.stack(grams, axis=1), np.stack(logdet, axis=1), np.arange(len(grams)), n)
+        return equations.profile_logliks(Spreads(np.zeros(0), self.fit.spreads.scenario))
 
 
 def _steps(times: Array) -> Array:
