@@ -93,7 +93,8 @@ def test_the_likelihood_beside_a_walk_is_that_of_the_whole_covariance() -> None:
     whitened = np.linalg.solve(covariance, x)
     left = y - x @ np.linalg.solve(x.T @ whitened, whitened.T @ y)
     expected = multivariate_normal(cov=covariance).logpdf(left)
-    assert at._beside(at._modes([root])) == pytest.approx(expected, abs=1e-3)
+    modes = at._modes([root / step_dps])
+    assert at._beside(modes, step_dps * np.array([0.5, 1.0]))[1] == pytest.approx(expected, abs=1e-3)
 
 
 def walk_of(found: AxisFit) -> Walk | None:

@@ -208,9 +208,10 @@ class Equations:
     def profile_logliks(self, spreads: Spreads) -> Array:
         """:attr:`Solution.profile_loglik` at each of many noises, [many]."""
         found, p = self._solved(spreads), self._size - 1
-        information = -np.linalg.slogdet(found.cov)[1] if p else 0.0
-        profile = found.loglik + 0.5 * information - 0.5 * p * np.log(2 * np.pi)
-        return np.where(np.isfinite(found.loglik), profile, -np.inf)
+        out, solved = np.full(found.loglik.shape, -np.inf), np.isfinite(found.loglik)
+        logdet = np.linalg.slogdet(found.cov[solved])[1] if p else 0.0
+        out[solved] = found.loglik[solved] - 0.5 * logdet - 0.5 * p * np.log(2 * np.pi)
+        return out
 
     def logliks(self, spreads: Spreads) -> Array:
         """The log-likelihood [many] of each of many noises, or of many spreads [many, k] at one noise."""
