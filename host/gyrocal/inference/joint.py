@@ -80,13 +80,13 @@ class Joint:
         return np.maximum(upper - value, value - lower) if self.one_sided else np.asarray(upper - lower) / 2
 
 
-    def widened(self, factor: Array) -> Joint:
-        """The same with the errors of the coefficients times ``factor`` [p]."""
+    def widened(self, factor: Array, of_nonlinear: Array) -> Joint:
+        """The same with the errors of the coefficients times ``factor`` [p], and of nonlinear parameters times theirs [k]."""
 
         def of(point: Point) -> Point:
             return replace(point, cov=np.outer(factor, factor) * point.cov)
 
-        both = np.concatenate([factor, np.ones(self.at.log_values.size)])
+        both = np.concatenate([factor, of_nonlinear])
         cov = None if self.cov is None else np.outer(both, both) * self.cov
         return replace(self, at=of(self.at), cov=cov, profile=tuple(of(point) for point in self.profile))
 

@@ -33,13 +33,14 @@ def finish(current: AxisFit, reported: bool = False, misfit: bool = False) -> Ax
     current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
-    factor = widening(current) * widening_by_turns(current)
+    factor, carried = widening(current) * widening_by_turns(current), np.ones(current.solution.beta.size)
     if reported:
-        scenario_se = scenario_se * drift_factor(current, scenario_se)
-        factor = factor * carried_factor(current)
+        scenario_se, carried = scenario_se * drift_factor(current, scenario_se), carried_factor(current)
     if misfit:
         factor = factor * misfit_factor(current)
-    together = joint(current).widened(factor)
+    together = joint(current)
+    of_term = {i: [carried[j] for j, (t, _) in enumerate(layout.fixed) if t == i] for i, _ in together.nonlinear}
+    together = together.widened(factor * carried, np.array([max(of_term[i], default=1.0) for i, _ in together.nonlinear]))
     terms = []
     for i, term in enumerate(design.terms):
         kind = term.effect
