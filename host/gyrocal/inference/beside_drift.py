@@ -46,8 +46,10 @@ def drift_factor(current: AxisFit, scenario_se: Array) -> Array:
 
     here, size = current.loglik, steps.max(axis=1)
     ends = [(at(-step), at(step)) for step in steps]
-    own = [(2 * here - below[0] - above[0]) / h**2 for (below, above), h in zip(ends, size, strict=True)]
     both = sum(at(sign * steps.sum(axis=0))[0] for sign in (-1.0, 1.0))
+    if not np.isfinite([here, both, *(loglik for pair in ends for loglik, _ in pair)]).all():
+        return out
+    own = [(2 * here - below[0] - above[0]) / h**2 for (below, above), h in zip(ends, size, strict=True)]
     cross = (2 * here - both - own[0] * size[0] ** 2 - own[1] * size[1] ** 2) / (2 * size[0] * size[1])
     information = np.array([[own[0], cross], [cross, own[1]]])
     shared = np.array([(below[1] - above[1]) / (2 * h) for (below, above), h in zip(ends, size, strict=True)])  # [2, k]

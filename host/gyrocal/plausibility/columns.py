@@ -7,6 +7,7 @@ from collections.abc import Set
 import numpy as np
 
 from gyrocal.digits import percentage
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
@@ -142,8 +143,8 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     file, where, of_file = (longest.file, "", "") if len(hit) == 1 else (None, f" in {len(hit)} runs", f" of {longest.file}")
     part = percentage(missing / (missing + there), 2)
     beside = longest.t_s[: at + 1], longest.t_s[at + 1 :]
-    alone = len(hit) == 1 and not any(lost(part, 1 / longest.sample_rate_hz) for part in beside)
-    if alone and steps_s[at] > min(map(np.ptp, beside)):
+    pause = steps_s[at] > min(map(np.ptp, beside)) > POLICY.least_blocks * BLOCK_S  # each part is long enough for a run
+    if len(hit) == 1 and pause and not any(lost(part, 1 / longest.sample_rate_hz) for part in beside):
         text = (
             f"For {steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s there is no sample, the time of {missing} of "
             f"{missing + there} ({part}). If the logger paused, make a run of each part (--run when importing); if samples "
