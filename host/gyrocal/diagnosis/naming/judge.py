@@ -111,7 +111,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
-    if chance < POLICY.name_alarm:
+    if chance < POLICY.name_alarm:  # it may be named, and is told with its whole error
         term = finish(fitted, reported=True).terms[-1]
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
