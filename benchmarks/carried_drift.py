@@ -21,21 +21,12 @@ import polars as pl
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.inference.standard_errors import finish
-from gyrocal.recording.session import Array, Run, Session
+from gyrocal.noise.drift import ou_noise
+from gyrocal.recording.session import Run, Session
 
 TRUE = {"bias_temperature": -0.02, "scale_temperature": 1e-4}
 NAMES = {"bias_temperature": "k1_dps_per_c", "scale_temperature": "k_per_c"}
 RATES_DPS = [0.0, 10.0, 20.0, 30.0, 45.0, 60.0, 78.0, 100.0, 120.0, 150.0, 200.0]
-
-
-def drift(rng: np.random.Generator, t_s: Array, sd_dps: float, tau_s: float) -> Array:
-    """A stationary Ornstein-Uhlenbeck process at the times [n]."""
-    kept = np.exp(-np.diff(t_s) / tau_s)
-    driven = sd_dps * np.sqrt(1 - kept**2) * rng.standard_normal(kept.size)
-    out = [float(rng.normal(0, sd_dps))]
-    for keep, step in zip(kept.tolist(), driven.tolist(), strict=True):
-        out.append(keep * out[-1] + step)
-    return np.array(out)
 
 
 def session(seed: int, goes_on: bool) -> Session:
@@ -47,18 +38,21 @@ def session(seed: int, goes_on: bool) -> Session:
         rates[:2] = 110.0, -80.0
     rate_hz, run_s, white_dps = float(rng.choice([20, 40])), float(rng.uniform(8, 25)), float(10 ** rng.uniform(-2, -1))
     sd_dps, tau_s = white_dps * float(10 ** rng.uniform(-1.2, -0.2)), float(10 ** rng.uniform(1.3, 2.8))
-    heat_c, warm_s, t_s = rng.uniform(2, 8), rng.uniform(80, 400), np.arange(round(run_s * rate_hz)) / rate_hz
+    heat_c, warm_s, sample = rng.uniform(2, 8), rng.uniform(80, 400), np.arange(round(run_s * rate_hz))
     runs: list[Run] = []
     for cycle in range(cycles):
         turns = [(sign, rate) for sign in (1, -1) for rate in rates.tolist()]
-        since_s = np.cumsum(run_s + rng.uniform(2, 8, len(turns)))[:, None] + t_s
-        own = drift(rng, since_s.ravel(), sd_dps, tau_s) if goes_on else [drift(rng, t_s, sd_dps, tau_s) for _ in turns]
+        place = np.cumsum(sample.size + rng.integers(round(2 * rate_hz), round(8 * rate_hz), len(turns)))[:, None] + sample
+        if goes_on:
+            own = ou_noise(place.max() + 1, 1 / rate_hz, sd_dps, tau_s, 1, rng)[place, 0]
+        else:
+            own = ou_noise(sample.size, 1 / rate_hz, sd_dps, tau_s, len(turns), rng).T
         offset_dps, ambient_c = rng.normal(0.4, 0.05), rng.uniform(19, 25)
-        for (sign, rate), at_s, of_run in zip(turns, since_s, np.reshape(own, since_s.shape), strict=True):
+        for (sign, rate), at_s, of_run in zip(turns, place / rate_hz, own, strict=True):
             warmer_c = ambient_c + heat_c * (1 - np.exp(-at_s / warm_s)) - 25
             slow = TRUE["bias_temperature"] * warmer_c + (1.01 + TRUE["scale_temperature"] * warmer_c) * sign * rate
-            z = slow + offset_dps + of_run + rng.normal(0, white_dps, t_s.size)
-            columns = {"t_s": t_s, "gx_dps": 0.0 * z, "gy_dps": 0.0 * z, "gz_dps": z, "temp_c": warmer_c + 25}
+            z = slow + offset_dps + of_run + rng.normal(0, white_dps, sample.size)
+            columns = {"t_s": sample / rate_hz, "gx_dps": 0.0 * z, "gy_dps": 0.0 * z, "gz_dps": z, "temp_c": warmer_c + 25}
             face: Literal["up", "down"] = "up" if sign > 0 else "down"
             runs.append(Run(
                 len(runs), f"{len(runs):03d}_{face}.csv", f"s{cycle:03d}", face, "z", rate, None, None, float(at_s[0]), rate_hz,

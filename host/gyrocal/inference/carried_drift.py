@@ -88,7 +88,7 @@ def _slower(noise: Noise, times: float) -> Noise:
 
 
 def _solved(current: AxisFit, cycles: Sequence[Summed], noises: Iterable[Noise]) -> list[Solution]:
-    layout = replace(current.design.layout, run=(), run_group=())
+    layout = current.design.layout.shared
     spreads, n = Spreads(np.zeros(0), current.spreads.scenario), int(current.design.n_blocks.sum())
     out = []
     for noise in noises:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,11 @@ class Layout:
         """Columns of ``[y | fixed | run]`` with random coefficients: those of each run and those of each power cycle."""
         own = 1 + len(self.fixed) + np.arange(len(self.run))
         return np.concatenate([own, np.array(self.scenario) + 1]).astype(np.intp)
+
+    @property
+    def shared(self) -> Layout:
+        """The same without the columns of each run."""
+        return replace(self, run=(), run_group=())
 
     @property
     def n_groups(self) -> int:

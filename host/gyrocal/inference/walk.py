@@ -164,8 +164,8 @@ class _Offsets:
             weights = squares / (1 + squares * known)
             grams.append(self.grams[runs].sum(axis=0) - (products.T * weights[:, None, :]) @ products)
             logdet.append(self.logdet[runs].sum() + np.log1p(squares * known).sum(axis=1))
-        shared, n = replace(design.layout, run=(), run_group=()), int(design.n_blocks.sum())
-        equations = Equations(shared, np.stack(grams, axis=1), np.stack(logdet, axis=1), np.arange(len(grams)), n)
+        n = int(design.n_blocks.sum())
+        equations = Equations(design.layout.shared, np.stack(grams, axis=1), np.stack(logdet, axis=1), np.arange(len(grams)), n)
         return equations.profile_logliks(Spreads(np.zeros(0), self.fit.spreads.scenario))
 
 
