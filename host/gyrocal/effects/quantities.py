@@ -202,12 +202,35 @@ def temperature_slope_c_s(run: Run) -> Array:
     window would do, a cubic is fitted instead, which follows a temperature that turns within the window.
     """
     known = _temperature_slope_by_second(run)
-    return np.zeros(len(run)) if known is None else np.interp(run.t_s, *known)
+    return np.zeros(len(run)) if known is None else from_seconds(run, known)
+
+
+def from_seconds(run: Run, of_seconds: Array) -> Array:
+    """Values of a run's seconds, [m] at the times of :func:`temperature_by_second`, at its samples, shape [n].
+
+    They are linear between the seconds and constant before the first and after the last, as those of ``np.interp``, which looks
+    up the place of every sample.
+    """
+    known_s, count = _places_of_seconds(run)
+    slopes = np.zeros(count.size)
+    slopes[1:-1] = np.diff(of_seconds) / np.diff(known_s)
+    first, first_s = (np.concatenate([of[:1], of]) for of in (of_seconds, known_s))
+    out = run.t_s - np.repeat(first_s, count)
+    out *= np.repeat(slopes, count)
+    out += np.repeat(first, count)
+    return out
 
 
 @once_a_run
-def _temperature_slope_by_second(run: Run) -> tuple[Array, Array] | None:
-    """Mean time (s) of each second of a run and the rate of change of the temperature there, degC/s, shape [m] each."""
+def _places_of_seconds(run: Run) -> tuple[Array, np.ndarray[Any, np.dtype[np.intp]]]:
+    """Mean time (s) of each second of a run, shape [m], and the numbers of samples before, between and after them, [m + 1]."""
+    known_s = _by_second(run, run.t_s)[0]
+    return known_s, np.diff(np.searchsorted(run.t_s, known_s), prepend=0, append=len(run))
+
+
+@once_a_run
+def _temperature_slope_by_second(run: Run) -> Array | None:
+    """The rate of change of the temperature in each second of a run, shape [m], degC/s."""
     if run.temp_c is None:
         return None
     t_s, temp_c = _by_second(run, _filled(run.temp_c, run.t_s))
@@ -222,7 +245,7 @@ def _temperature_slope_by_second(run: Run) -> tuple[Array, Array] | None:
     wanted = 0.1 * float(np.ptp(temp_c)) / t_s.size
     needed = (12 * variance / max(wanted, 1e-12) ** 2) ** (1 / 3)
     points = max(TEMPERATURE_WINDOW_S / spacing_s, needed)
-    return t_s, slope(temp_c, t_s, points, order=3 if needed < CUBIC * points else 2)
+    return slope(temp_c, t_s, points, order=3 if needed < CUBIC * points else 2)
 
 
 def rate_slope_dps_s(run: Run, axis: int) -> Array:

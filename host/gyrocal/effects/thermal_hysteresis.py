@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.mistaken import over_temperature
-from gyrocal.effects.quantities import temperature_by_second
+from gyrocal.effects.quantities import from_seconds, temperature_by_second
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
@@ -75,7 +75,7 @@ class ThermalHysteresis(Effect):
         if run.temp_c is None:
             return np.zeros((len(run), 1))
         branch = _branch(run, values["width_c"] / 2, values.get("start", 0.0))
-        return stack(np.interp(run.t_s, temperature_by_second(run)[0], branch))
+        return stack(from_seconds(run, branch))
 
 
 @once_a_run

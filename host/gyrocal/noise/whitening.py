@@ -138,6 +138,11 @@ class Summed:
         return rows, np.diff(rows)
 
     @cached_property
+    def _apart_s(self) -> Array:
+        """The times from cell to cell, shape [k - 1], s."""
+        return np.diff(self.t_s)
+
+    @cached_property
     def _even(self) -> bool:
         return bool(np.ptp(self.n) == 0)
 
@@ -165,7 +170,8 @@ class Summed:
         of_white = -self.blocks * float(np.log(precision)) - self.log_n
         if noise.ou_sd_dps <= 0.0:
             return self.gram[None] * precision, np.array([of_white])
-        drifts = [_Drift.of(one, self.t_s, self.n * precision) for one in (noise, *others)]
+        known = self.n * precision
+        drifts = [_Drift.of(one, self._apart_s, known) for one in (noise, *others)]
         drift, (rows, differences) = drifts[0], self._rows
         left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows, differences).T, overwrite_b=True)[0].T
         gram = self.within * precision
@@ -229,19 +235,24 @@ class _Drift:
     logdet: float
 
     @staticmethod
-    def of(noise: Noise, t_s: Array, known: Array) -> _Drift:
-        """The drift of a noise at the times ``t_s`` [k] of cells, which white noise shows with the precisions ``known`` [k]."""
+    def of(noise: Noise, apart_s: Array, known: Array) -> _Drift:
+        """The drift of a noise at k cells that are ``apart_s`` [k - 1] from each other, s.
+
+        White noise shows it there with the precisions ``known`` [k].
+        """
         from scipy.linalg.lapack import dpttrf
 
-        variance, ages = noise.ou_sd_dps**2, np.diff(t_s) / noise.ou_tau_s
+        variance, ages = noise.ou_sd_dps**2, apart_s / noise.ou_tau_s
         kept = np.exp(-ages)
-        driven = np.concatenate([[variance], -variance * np.expm1(-2 * ages)])
-        diagonal = known + 1 / driven
-        diagonal[:-1] += kept**2 / driven[1:]
-        coupling = np.zeros(max(1, kept.size))  # LAPACK needs one element even for a single cell
-        coupling[: kept.size] = -kept / driven[1:]
+        driven = np.empty(known.size)
+        driven[0], driven[1:] = variance, -variance * np.expm1(-2 * ages)
+        precision = 1 / driven
+        carried = kept * precision[1:]
+        diagonal = known + precision
+        diagonal[:-1] += kept * carried
+        coupling = -carried if carried.size else np.zeros(1)  # LAPACK needs one element even for a single cell
         pivots, factors, _ = dpttrf(diagonal, coupling)
-        logdet = float(np.log(driven).sum() + np.log(pivots).sum())
+        logdet = float(np.log(driven * pivots).sum())
         growth, rate = variance / noise.ou_tau_s, 1 / noise.ou_tau_s
         return _Drift(growth, rate, variance, ages, kept, -np.expm1(-ages), driven, pivots, factors, logdet)
 
