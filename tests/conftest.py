@@ -77,7 +77,7 @@ def _compiled_here(compiled: Objects) -> Iterator[None]:
 
     def once(command: Sequence[str], units: Sequence[str], output: Path) -> subprocess.CompletedProcess[str]:
         with contextlib.suppress(subprocess.CalledProcessError):  # compiled together, the compiler says why
-            units = [str(compiled.of(command, Path(unit))) for unit in units]
+            units = [str(unit) for unit in compiled.of_all(command, [Path(unit) for unit in units])]
         return compile_all(command, units, output)
 
     with pytest.MonkeyPatch.context() as patch:
