@@ -11,7 +11,8 @@ from page_commands import beside, run, sections
 
 SECTIONS = sections("recordings.md")
 AGAIN = {
-    "The swinging shaft, faster", "In the hand before optical motion capture", "Faster in the hand before optical motion capture",
+    "The swinging shaft, faster", "In the hand before optical motion capture",
+    "Faster in the hand before optical motion capture",
     "Raw counts of another rest", "A thermal chamber",
 }  # fmt: skip
 """Further recordings of the same rig, and the rest in the chamber, which recording/test_real.py explains."""
