@@ -1,6 +1,5 @@
 """What all tests share: a missing tool skips a test and says so, or fails it where everything must be there."""
 
-import contextlib
 import importlib.util
 import os
 import shutil
@@ -76,9 +75,11 @@ def _compiled_here(compiled: Objects) -> Iterator[None]:
     compile_all = library._compile
 
     def once(command: Sequence[str], units: Sequence[str], output: Path) -> subprocess.CompletedProcess[str]:
-        with contextlib.suppress(subprocess.CalledProcessError):  # compiled together, the compiler says why
-            units = [str(compiled.of(command, Path(unit))) for unit in units]
-        return compile_all(command, units, output)
+        try:
+            objects = compiled.of_all(command, [Path(unit) for unit in units])
+        except subprocess.CalledProcessError as error:
+            return subprocess.CompletedProcess(error.cmd, error.returncode, "", error.stderr.decode())
+        return compile_all(command, [str(built) for built in objects], output)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(library, "_compile", once)

@@ -1,4 +1,7 @@
-"""Nothing leaves this machine, and nothing is written unasked: every verb in an empty home, under strace."""
+"""Nothing leaves this machine, and nothing is written unasked: every verb in an empty home, under strace.
+
+Verbs that may keep the same are called one after the other in one process, whose start costs more than most of them.
+"""
 
 import re
 import shutil
@@ -30,6 +33,7 @@ class Case:
         makes: what they write in the current folder; everything there was named on the command line or in the help.
         keeps: patterns of what may be there afterwards besides.
         serves: True if the verb's work is done by several processes that talk to each other over loopback.
+        alone: True if no other verb is called in the process.
         smaller: statements that make the work smaller, which run before the command line.
     """
 
@@ -37,6 +41,7 @@ class Case:
     makes: tuple[str, ...] = ()
     keeps: tuple[str, ...] = ()
     serves: bool = False
+    alone: bool = False
     smaller: str = ""
 
 
@@ -48,25 +53,25 @@ CASES = {
     "calibrate": Case(("calibrate s --seconds 2,4 --json",)),
     "compare": Case(("compare s --html page.html --residuals rest.csv",), ("page.html", "rest.csv"), FONTS),
     "demo": Case(
-        ("demo --json",), ("demo-out",), CORE + FONTS,
+        ("demo --json",), ("demo-out",), CORE + FONTS, alone=True,
         smaller="from gyrocal import demo; demo.CAMPAIGN_SCENARIOS, demo.CAMPAIGN_SECONDS, demo.TEST_SCENARIOS = 3, 15.0, 2",
     ),
     "diagnose": Case(("diagnose s --json",)),
     "doctor": Case(("doctor --port BENCH --seconds 2 --json",)),
     "effects": Case(("effects", "effects warmup --json")),
-    "explain": Case(("explain s --model m.toml --json",), ("m.toml",)),
+    "explain": Case(("explain s --model e.toml --json",), ("e.toml",)),
     "export": Case((f"export --model {MODEL}",), ("export",)),
     "firmware": Case(("firmware project",), ("project",)),
     "fleet": Case(("fleet fit boards --workers 2",), ("boards.fleet",), FONTS, serves=True),
     "import": Case(("import swing.csv.gz lab --yes --preview lab.png",), ("lab", "lab.png"), FONTS),
     "info": Case(("info s --json", "info swing.csv.gz", f"info {MODEL}")),
-    "keep": Case(("keep saw --model m.toml",), ("m.toml",)),
+    "keep": Case(("keep saw --model k.toml",), ("k.toml",)),
     "monitor": Case(("monitor --port PORT --json",)),
     "plan": Case(("plan s --out plan.toml --json",), ("plan.toml",)),
     "plot": Case(("plot s s.png",), ("s.png",), FONTS),
     "record": Case(("record recorded --port PORT --follow --json",), ("recorded",)),
     "simulate": Case(("simulate new --scenarios 1 --seconds 4",), ("new", "new.truth.json")),
-    "train": Case(("train s --epochs 1", "export --run runs/paper-0"), ("runs", "export")),
+    "train": Case(("train s --epochs 1", "export --run runs/paper-0"), ("runs", "export"), alone=True),
     "schema": Case(("schema compare",)),
     "version": Case(("version",)),
     "wifi": Case(("wifi --port BOARD --join lab --json",), serves=True),
@@ -75,6 +80,19 @@ CASES = {
 ENDS_WITH_THE_DEVICE = 3
 A_CHECK_FAILED = 1
 """Of ``doctor``, on a machine that is too busy to read all samples."""
+PORTS = {"PORT", "BENCH", "BOARD"}
+
+
+def processes() -> dict[str, list[str]]:
+    """The verbs of each process, by their names."""
+    together: dict[object, list[str]] = {}
+    for verb, case in CASES.items():
+        alone = case.alone or case.serves or PORTS & {word for line in case.lines for word in line.split()}
+        together.setdefault(verb if alone else case.keeps, []).append(verb)
+    return {"-".join(verbs): verbs for verbs in together.values()}
+
+
+PROCESSES = processes()
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +123,7 @@ def watched(watched: Watched, sessions: Path) -> Watched:
 @pytest.fixture
 def port(request: pytest.FixtureRequest, sessions: Path) -> Iterator[str]:
     """The port of a simulated device, where the command line asks for one."""
-    lines = CASES[request.getfixturevalue("verb")].lines
+    lines = CASES[PROCESSES[request.getfixturevalue("process")][0]].lines
     if any("BOARD" in line for line in lines):
         with WifiBoard() as board:
             yield board.port
@@ -158,25 +176,35 @@ def bring_core(watched: Watched) -> None:
         shutil.copy(built, kept)
 
 
-@pytest.mark.parametrize("verb", CASES)
-def test_a_verb(
-    verb: str, watched: Watched, port: str, require_tool: Callable[[str], str], require_module: Callable[[str], None]
+PROGRAM = """
+{smaller}
+from gyrocal.cli import main
+for words in {lines}:
+    code = main(words)
+    if code:
+        print(*words)
+        raise SystemExit(code)
+"""
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_verbs(
+    process: str, watched: Watched, port: str, require_tool: Callable[[str], str], require_module: Callable[[str], None]
 ) -> None:
-    case = CASES[verb]
-    if CORE[0] in case.keeps:
+    verbs = PROCESSES[process]
+    first, cases = verbs[0], [CASES[verb] for verb in verbs]
+    if CORE[0] in cases[0].keeps:
         require_tool("cc")
-    if verb == "demo":
+    if first == "demo":
         bring_core(watched)
-    for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(verb, []):
+    for module in {"fleet": ["distributed"], "train": ["torch", "onnx"]}.get(first, []):
         require_module(module)
-    for line in case.lines:
-        words = [port if word in ("PORT", "BENCH", "BOARD") else word for word in line.split()]
-        program = f"{case.smaller}; from gyrocal.cli import main; raise SystemExit(main({words}))"
-        process = watched.start(sys.executable, "-c", program) if case.smaller else watched.gyrocal(*words)
-        told, _ = process.communicate(timeout=300)
-        expected = {"doctor": (0, A_CHECK_FAILED), "wifi": (0,)}.get(verb, (0, ENDS_WITH_THE_DEVICE) if port else (0,))
-        assert process.returncode in expected, told
-    watched.check(case.makes, case.keeps, serves=case.serves)
+    lines = [[port if word in PORTS else word for word in line.split()] for case in cases for line in case.lines]
+    started = watched.start(sys.executable, "-c", PROGRAM.format(smaller=cases[0].smaller, lines=lines))
+    told, _ = started.communicate(timeout=300)
+    expected = {"doctor": (0, A_CHECK_FAILED), "wifi": (0,)}.get(first, (0, ENDS_WITH_THE_DEVICE) if port else (0,))
+    assert started.returncode in expected, told
+    watched.check([name for case in cases for name in case.makes], cases[0].keeps, serves=cases[0].serves)
 
 
 def test_the_simulated_device(watched: Watched, require_tool: Callable[[str], str]) -> None:

@@ -14,6 +14,7 @@ from page_commands import beside, preparation, run, sections
 
 REFERENCES = sections("references.md")
 HANDS = sections("hands.md")
+pytestmark = pytest.mark.usefixtures("known_answers")
 Terminal = pytest.CaptureFixture[str]
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from gyrocal.calibration.apply import apply
 from gyrocal.cli import main
-from gyrocal.diagnosis.answer.explain import explain
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
@@ -23,7 +23,10 @@ def days(tmp_path_factory: pytest.TempPathFactory) -> tuple[Model, Path]:
     session, _ = simulate(None, "full", ["bias_temperature", "scale_asymmetry"], 5, seconds=20.0)
     known = session.with_runs(r for r in session.runs if r.day != session.days[-1])
     session.with_runs(r for r in session.runs if r.day == session.days[-1]).save(folder / "day3")
-    return explain(known).model, folder / "day3"
+    model = Model.builtin("default")
+    for axis in "xyz":
+        model = model.add("bias_temperature", axis).add("scale_asymmetry", axis)
+    return fit(known, model).model, folder / "day3"
 
 
 def rms_about_truth(session: Session) -> float:

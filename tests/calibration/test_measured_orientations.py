@@ -43,7 +43,7 @@ def tracked(noise_deg: float, seed: int, *, bent: float = 0.0) -> Session:
     return make_session(make_run(t_s, gyro_dps, table_rate_dps=None, **columns))
 
 
-@pytest.mark.parametrize(("noise_deg", "seed"), [(0.02, 1), (0.1, 2)])
+@pytest.mark.parametrize(("noise_deg", "seed"), [pytest.param(0.02, 1, marks=pytest.mark.wide), (0.1, 2)])
 def test_the_noise_of_orientations_is_no_misfit_of_a_sound_session(noise_deg: float, seed: int) -> None:
     """The misfit held a smooth slope's noise against its small differences from sample to sample, and was 1.2 to 3.2."""
     session = tracked(noise_deg, seed)
@@ -67,7 +67,7 @@ def test_a_reading_that_bends_is_a_misfit_beside_noisy_orientations() -> None:
     assert level.excess_dps > 5 * level.excess_se_dps
 
 
-@pytest.mark.parametrize(("noise_deg", "seed"), [(0.004, 1), (0.02, 4)])
+@pytest.mark.parametrize(("noise_deg", "seed"), [(0.004, 1), pytest.param(0.02, 4, marks=pytest.mark.wide)])
 def test_nor_is_that_of_an_encoder_with_a_model_that_was_fitted_on_the_session(noise_deg: float, seed: int) -> None:
     """The fitted model knows the sensor's noise at low frequencies alone; the misfit was 1.2 beside an adequate comparison."""
     rng = np.random.default_rng(seed)

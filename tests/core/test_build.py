@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from compiled import Objects
 from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
 
 from .conftest import WARNINGS
@@ -15,16 +16,22 @@ SOURCES = sorted(CORE.rglob("*.c"))
 HEADERS = sorted(CORE.rglob("*.h"))
 
 
+def strict(compiler: str, fixed: int) -> list[str]:
+    """A compiler with all warnings as errors. Position-independent code would keep tables of pointers writable."""
+    flags = ["-std=c99", "-O2", "-fno-pic", "-ffp-contract=off", *WARNINGS]
+    return [compiler, *flags, f"-DGC_NET_FIXED={fixed}", f"-I{INCLUDE}", f"-I{CORE}"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("compiler", "fixed"), [("gcc", 0), ("gcc", 1), ("clang", 0), pytest.param("clang", 1, marks=pytest.mark.wide)]
 )
-def test_compiles_without_a_warning(compiler: str, fixed: int, require_tool: Callable[[str], str], tmp_path: Path) -> None:
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, f"-DGC_NET_FIXED={fixed}", "-c", f"-I{INCLUDE}", f"-I{CORE}"]
-    sources = [*SOURCES, *sorted(SIM.glob("*.c"))]
-    command = [require_tool(compiler), *flags, *map(str, sources)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+def test_compiles_without_a_warning(compiler: str, fixed: int, require_tool: Callable[[str], str], compiled: Objects) -> None:
+    """A source that the setting does not change is compiled once for both."""
+    try:
+        compiled.of_all(strict(require_tool(compiler), fixed), [*SOURCES, *sorted(SIM.glob("*.c"))])
+    except subprocess.CalledProcessError as error:
+        pytest.fail(error.stderr.decode())
 
 
 def test_clang_tidy_finds_nothing() -> None:
@@ -49,11 +56,9 @@ def test_headers_stand_alone_in_c_and_cplusplus(require_tool: Callable[[str], st
 
 @pytest.mark.slow
 def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
-    require_tool: Callable[[str], str], tmp_path: Path
+    require_tool: Callable[[str], str], compiled: Objects, tmp_path: Path
 ) -> None:
-    # position-independent code would keep tables of pointers writable until it is linked
-    flags = ["-std=c99", "-O2", "-fno-pic", "-c", f"-I{CORE}"]
-    subprocess.run([require_tool("gcc"), *flags, *map(str, SOURCES)], cwd=tmp_path, check=True)
+    compiled.into(tmp_path, strict(require_tool("gcc"), 0), SOURCES)
     allowed = {"memcpy", "memset", "memcmp", "memmove", "memchr", "strchr", "strlen"}
     allowed |= {"sqrt", "fabs", "floor", "fmin", "fmax"}
     units = sorted(tmp_path.glob("*.o"))

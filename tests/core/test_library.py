@@ -15,6 +15,9 @@ from gyrocal.core import library, networks
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal_firmware import INCLUDE
 
+NOT_OPTIMISED = "-O0"
+"""For what is compiled only to be another build: it takes a third of the time."""
+
 
 @pytest.fixture(autouse=True)
 def cache(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
@@ -90,6 +93,7 @@ def test_without_a_compiler_of_the_system_that_of_a_package_serves(
 @pytest.mark.slow
 def test_another_compiler_is_another_build(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
     clang = require_tool("clang")
+    monkeypatch.setattr(library, "FLAGS", (*library.FLAGS, NOT_OPTIMISED))
     by_cc = library.build_core()
     monkeypatch.setenv("CC", clang)
     library.compiler.cache_clear()
@@ -99,7 +103,8 @@ def test_another_compiler_is_another_build(require_tool: Callable[[str], str], m
 
 @pytest.mark.slow
 def test_processes_that_build_at_once_agree(cache: Path) -> None:
-    code = "from gyrocal.core.library import Core; print(Core().tanh(0.5).item())"
+    flags = f"library.FLAGS = (*library.FLAGS, {NOT_OPTIMISED!r})"
+    code = f"from gyrocal.core import library; {flags}; print(library.Core().tanh(0.5).item())"
     running = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
     assert len({process.communicate(timeout=60)[0] for process in running}) == 1
     assert [process.returncode for process in running] == [0] * 2

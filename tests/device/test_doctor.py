@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -54,20 +55,40 @@ def test_a_sound_board_passes(scenario: Session) -> None:
     assert all(check.advice == "" for check in found.values())
 
 
-@pytest.mark.parametrize(
-    ("fault", "check", "said"),
-    [
-        ("nack@0:9999", "sensor", "bus_nack"),
-        ("wrong_id", "sensor", "wrong_id"),
-        ("stuck_mass", "self-test", "failed: it moved x"),
-        ("garbled@0:9999", "losses", "damaged on the wire"),
-        ("busy@3:1", "losses", "missed by the board"),
-        ("spikes@0:9999", "noise", "dps, usual"),
-        ("frozen@0:9999", "noise", "x 0.000"),
-    ],
-)
-def test_a_fault_fails_its_check_with_advice(scenario: Session, fault: str, check: str, said: str) -> None:
-    found = examine(scenario, (fault,), restart=False)
+FAULTS = [
+    ("nack@0:9999", "sensor", "bus_nack"),
+    ("wrong_id", "sensor", "wrong_id"),
+    ("stuck_mass", "self-test", "failed: it moved x"),
+    ("garbled@0:9999", "losses", "damaged on the wire"),
+    ("busy@3:1", "losses", "missed by the board"),
+    ("spikes@0:9999", "noise", "dps, usual"),
+    ("frozen@0:9999", "noise", "x 0.000"),
+]
+OF_MAKERS = [
+    (
+        "ICM-42688-P",
+        "it moved x 92, y 88, z 97 dps, the maker wants x 44 or more, y 42 or more, z 46 or more; "
+        "at rest x 0.0, y 0.0, z 0.0 dps, at most 20",
+    ),
+    ("MPU-6050", "it moved x 43, y -54, z 38 dps, the maker wants x 35 to 47, y 44 to 59, z 31 to 41"),
+    ("BMI270", "passed"),
+]
+
+
+@pytest.fixture(scope="module")
+def examined(scenario: Session) -> dict[str, dict[str, Check]]:
+    """The checks of a board by its fault or its part. An examination waits most of its time: three run at once."""
+    boards = [(fault, (fault,), "LSM6DSO") for fault, *_ in FAULTS] + [(part, (), part) for part, _ in OF_MAKERS]
+    with ThreadPoolExecutor(3) as pool:
+        found = pool.map(lambda board: examine(scenario, board[1], restart=False, part=board[2]), boards)
+        return {name: checks for (name, *_), checks in zip(boards, found, strict=True)}
+
+
+@pytest.mark.parametrize(("fault", "check", "said"), FAULTS)
+def test_a_fault_fails_its_check_with_advice(
+    examined: dict[str, dict[str, Check]], fault: str, check: str, said: str
+) -> None:
+    found = examined[fault]
     assert check in wrong(found), found
     assert said in found[check].found
     assert found[check].advice
@@ -95,20 +116,9 @@ def test_less_noise_than_usual_is_what_a_low_pass_is_for(low_pass: str, sd_count
     assert _noise(0, heard).ok is ok
 
 
-@pytest.mark.parametrize(
-    ("part", "said"),
-    [
-        (
-            "ICM-42688-P",
-            "it moved x 92, y 88, z 97 dps, the maker wants x 44 or more, y 42 or more, z 46 or more; "
-            "at rest x 0.0, y 0.0, z 0.0 dps, at most 20",
-        ),
-        ("MPU-6050", "it moved x 43, y -54, z 38 dps, the maker wants x 35 to 47, y 44 to 59, z 31 to 41"),
-        ("BMI270", "passed"),
-    ],
-)
-def test_the_self_test_of_other_makers(scenario: Session, part: str, said: str) -> None:
-    found = examine(scenario, restart=False, part=part)
+@pytest.mark.parametrize(("part", "said"), OF_MAKERS)
+def test_the_self_test_of_other_makers(examined: dict[str, dict[str, Check]], part: str, said: str) -> None:
+    found = examined[part]
     assert found["self-test"].ok is True
     assert said in found["self-test"].found
     assert wrong(found) == set()

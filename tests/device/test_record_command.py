@@ -55,7 +55,7 @@ def test_a_signal_ends_the_recording_with_its_report(name: str, tmp_path: Path) 
     assert not told & {"line_damaged", "samples_lost", "run_unannounced", "device_gone"}
 
 
-@pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])
+@pytest.mark.parametrize("tcp", [None, pytest.param("127.0.0.1:0", marks=pytest.mark.wide)], ids=["pty", "tcp"])
 def test_a_second_recorder_is_turned_away_at_once(tcp: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     session = two_faces(seconds=12.0, scenarios=1)
     with device.SimulatedDevice(session, speed=8, tcp=tcp) as simulated:

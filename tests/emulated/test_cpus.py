@@ -52,7 +52,7 @@ def bits_here() -> bytes:
     return subprocess.run([program], capture_output=True, check=True).stdout
 
 
-@pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
+@CPU
 def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
     require(cpu, require_tool)
     here = bits_here()

@@ -49,7 +49,7 @@ def test_boards_and_pins(pio: Pio, project: Path) -> None:
         assert all(flag in text for flag in ("-DGYROCAL_SDA=", "-DGYROCAL_SCL=", "-ffp-contract=off", "LED="))
 
 
-@PROJECTS
+@pytest.mark.parametrize("project", [REPOSITORY, pytest.param(ROOT, marks=pytest.mark.wide)], ids=["repository", "firmware"])
 def test_native_build_is_the_simulated_device(pio: Pio, require_tool: Require, project: Path, workspace: Path) -> None:
     require_tool("cc")
     done = pio("run", "-e", "native", cwd=project)

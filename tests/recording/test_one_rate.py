@@ -27,8 +27,8 @@ def scale_of(session: Session) -> tuple[float, float, dict[str, Any]]:
 @pytest.mark.parametrize(
     ("seed", "how"),
     [
-        (11, {"eccentric_deg": 0.05, "rate_hz": 200.0}),
-        (12, {"eccentric_deg": 0.02, "step_deg": 0.02}),
+        pytest.param(11, {"eccentric_deg": 0.05, "rate_hz": 200.0}, marks=pytest.mark.wide),
+        pytest.param(12, {"eccentric_deg": 0.02, "step_deg": 0.02}, marks=pytest.mark.wide),
         (13, {"eccentric_deg": 0.3, "step_deg": 0.01}),
         (14, {"eccentric_deg": 0.05, "as_rate": True}),
     ],
@@ -43,7 +43,12 @@ def test_an_eccentric_encoder_leaves_the_scale_to_the_mean_rates(seed: int, how:
 
 
 @pytest.mark.parametrize(
-    "how", [{"wobble": 0.005, "as_rate": True}, {"step_deg": 0.02, "seconds": 37.3}, {"wobble": 0.03, "as_rate": True}]
+    "how",
+    [
+        pytest.param({"wobble": 0.005, "as_rate": True}, marks=pytest.mark.wide),
+        {"step_deg": 0.02, "seconds": 37.3},
+        {"wobble": 0.03, "as_rate": True},
+    ],
 )
 def test_a_true_wobble_and_an_even_encoder_stay_adequate(how: dict[str, Any]) -> None:
     for seed in (21, 22):

@@ -184,7 +184,8 @@ class Observer:
             earth_rad = np.deg2rad(EARTH_DPS) * float(np.sum(h))
             noise[two, two] += np.eye(2) * earth_rad**2 / 3
             for rest, turn, sign in ((m.after, rotation[-1], 1.0), (m.before, np.eye(3), -1.0)):
-                direct = sign * across @ turn @ (np.eye(3) - np.outer(scene.up[rest], scene.up[rest]))
+                level: Array = np.eye(3) - np.outer(scene.up[rest], scene.up[rest])
+                direct: Array = sign * across @ turn @ level
                 by_mean[two, 3 * rest : 3 * rest + 3] += direct @ scene.accelerometer.inverse
                 by_accelerometer[two] += direct @ scene.accelerometer.slopes(scene.rests[rest].acc_g)
         self._rests(regressors, axis_of, y, columns, noise, bias)
