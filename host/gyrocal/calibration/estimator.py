@@ -307,10 +307,11 @@ def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
         return Posterior(*np.full((6, len(h)), np.nan))
     h, g, norm = h[..., used, :][..., used], g[..., used], norm[..., used]
     norm = np.where(norm > 0, norm, 1.0)
-    scaled = h / (norm[..., :, None] * norm[..., None, :])
+    norms: Array = norm[..., :, None] * norm[..., None, :]
+    scaled = h / norms
     known = np.linalg.eigvalsh(scaled)[..., 0].min(axis=1) >= 1e-12
     scaled[~known] = np.eye(int(used.sum()))
-    cov = np.linalg.inv(scaled) / (norm[..., :, None] * norm[..., None, :])
+    cov = np.linalg.inv(scaled) / norms
     beta = np.einsum("...ij,...j->...i", cov, g)
     chi2 = np.maximum(equations[..., n, n] - np.einsum("...i,...i->...", g, beta), 0.0)
     log_weight = (

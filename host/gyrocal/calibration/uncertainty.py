@@ -217,13 +217,13 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
         np.ones_like(t_s),
     ])  # fmt: skip
     origin = face.mean_dps[:, :1]  # avoids rounding errors of chi-square at a large bias
-    gram = _whitened_gram(columns, face.mean_dps - origin, face, variance)
+    gram: Array = _whitened_gram(columns, face.mean_dps - origin, face, variance)
     found = []
     for twice, once, transient in product((0.0, 1.0), (0.0, 1.0), range(-1, TRANSIENTS)):
         acts = np.array([once, once, twice, twice, float(transient >= 0), 1.0])
         rows = np.array([0, 1, 2, 3, 4 + max(transient, 0), len(columns) - 1])
         root = np.linalg.cholesky(gram[:, rows[:, None], rows] * (acts[:, None] * acts) + np.diag([1.0] * 5 + [0.0]))
-        v = np.linalg.solve(root, (gram[:, rows, -1] * acts)[..., None])[..., 0]
+        v: Array = np.linalg.solve(root, (gram[:, rows, -1] * acts)[..., None])[..., 0]
         chi2 = np.maximum(gram[:, -1, -1] - (v**2).sum(1), 0.0)
         diagonal = np.einsum("nii->ni", root)
         pivot = diagonal[:, 5]

@@ -61,7 +61,8 @@ class Evidence:
         left = self.score[:, j] - own * mean
         factor = variance / (1 + variance * own)
         score = self.score - column * (mean + factor * left)[:, None]
-        information = self.information - factor[:, None, None] * column[:, :, None] * column[:, None, :]
+        products: Array = column[:, :, None] * column[:, None, :]
+        information = self.information - factor[:, None, None] * products
         information[:, j], information[:, :, j] = 0.0, 0.0
         return replace(self, score=score, information=information)
 

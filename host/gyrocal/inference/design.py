@@ -165,8 +165,9 @@ class Design:
         for i in np.flatnonzero(~self.lacking[t]):
             b, means = self.blocks[i], self.means[i][t]
             if means is not None and b.t_s.size:
-                unit = b.mean(self._unit(t, b))[:, 0]
-                top, norm = top + (b.n * unit) @ means, norm + float(b.n @ unit**2)
+                unit: Array = b.mean(self._unit(t, b))[:, 0]
+                weighted: Array = b.n * unit
+                top, norm = top + weighted @ means, norm + float(weighted @ unit)
         return top / norm if norm > 0 else top
 
     def _unit(self, t: int, b: Blocks) -> Array:

@@ -139,9 +139,10 @@ class _Shared:
     def of(total: Array) -> _Shared:
         """The solution of normal equations [..., 1 + p, 1 + p]. Of those that do not determine it, chi-square is infinite."""
         h, g = total[..., 1:, 1:], total[..., 1:, 0]
-        scale = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
+        scale: Array = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
+        scales: Array = scale[..., :, None] * scale[..., None, :]
         try:
-            root, logdet = inverse_factor(h / (scale[..., :, None] * scale[..., None, :]))
+            root, logdet = inverse_factor(h / scales)
         except np.linalg.LinAlgError:
             if total.ndim > 2:  # one of many
                 each = [_Shared.of(one) for one in total]

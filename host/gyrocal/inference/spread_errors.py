@@ -123,9 +123,10 @@ def _information(current: AxisFit, sd: Array, of_these_runs: Array) -> tuple[Arr
         index = np.concatenate([np.tile(layout.run_group, runs.size), k + np.arange(len(layout.scenario))]).astype(np.intp)
         w, x = _coupled(current.grams[runs], p, own, [1 + j for j in layout.scenario])
         s = sd[index]
-        inside = np.linalg.solve(np.eye(index.size) + s[:, None] * w * s, s[:, None] * np.column_stack([w, x]))
-        blocks.append(w - (w * s) @ inside[:, : index.size])
-        low.append(x - (w * s) @ inside[:, index.size :])
+        scaled: Array = w * s
+        inside = np.linalg.solve(np.eye(index.size) + s[:, None] * scaled, s[:, None] * np.column_stack([w, x]))
+        blocks.append(np.asarray(w - scaled @ inside[:, : index.size]))
+        low.append(np.asarray(x - scaled @ inside[:, index.size :]))
         groups.append(np.eye(sd.size)[index])
         sizes.append(np.where(of_these_runs[index], s**2, 0.0))
     g = _Symmetric(blocks, low, -current.solution.cov)

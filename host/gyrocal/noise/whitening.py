@@ -83,7 +83,8 @@ class Summed:
         if color and blocks > 1:
             joined = np.diff(t_s) < JOINED * float(np.median(np.diff(t_s)))
             log_n += color.log_determinant(joined)
-        even = np.ptp(n) == 0
+        even = bool(np.ptp(n) == 0)
+        each = float(n[0]) if even else 1.0
         cell = np.floor((t_s - t_s[0]) / cell_s + ROUNDING) if cell_s > 0 else np.arange(blocks)
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
         exact = start.size == blocks
@@ -92,13 +93,13 @@ class Summed:
         for some in _stacked(columns):
             if joined.size:
                 some = color.whitened(some.reshape(-1, blocks), joined).reshape(some.shape)
-            weighted = some if even else some * n
+            weighted: Array = some if even else some * n
             if exact:
                 mean, within = some, np.zeros((*some.shape[:2], some.shape[1]))
-                gram = weighted @ some.swapaxes(-1, -2) * (n[0] if even else 1.0)
+                gram: Array = weighted @ some.swapaxes(-1, -2) * each
             else:
-                mean = np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
-                about = some - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
+                mean = np.add.reduceat(weighted, start, axis=-1) * (each / total)
+                about: Array = some - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
                 within = about @ about.swapaxes(-1, -2) * n[0] if even else about * n @ about.swapaxes(-1, -2)
                 gram = within + mean * total @ mean.swapaxes(-1, -2)
             grams.append(gram)

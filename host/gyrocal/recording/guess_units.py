@@ -250,7 +250,7 @@ def typical_rate_dps(t_s: Array, columns: Mapping[str, Array]) -> float | None:
     skip = max(1, round(MEAN_S / step_s)) if step_s > 0 else 1
     found: Array | None = None
     if all(name in columns for name in ("ref_qw", "ref_qx", "ref_qy", "ref_qz")):
-        q = np.column_stack([columns[f"ref_q{part}"] for part in "wxyz"])[::skip]
+        q: Array = np.column_stack([columns[f"ref_q{part}"] for part in "wxyz"])[::skip]
         cosine = np.abs(np.sum(q[1:] * q[:-1], axis=1)) / np.maximum(np.sum(q[1:] ** 2, axis=1), 1e-12)
         found = 2 * np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) / (skip * step_s)
     elif "ref_angle_deg" in columns:

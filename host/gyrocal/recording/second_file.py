@@ -113,7 +113,7 @@ class SecondFile:
 def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
     """Columns at ``known_s``, taken at ``t_s`` on smooth curves. Quaternions turn the shorter way and keep their length."""
     if set(QUATERNION) <= set(columns):
-        q = np.column_stack([columns[name] for name in QUATERNION])
+        q: Array = np.column_stack([columns[name] for name in QUATERNION])
         dots = np.nansum(q[1:] * q[:-1], axis=1)
         q *= np.concatenate([[1.0], np.cumprod(np.where(dots < 0, -1.0, 1.0))])[:, None]
         columns = columns | dict(zip(QUATERNION, q.T, strict=True))

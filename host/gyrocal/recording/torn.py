@@ -59,7 +59,8 @@ class _Noise:
     @classmethod
     def of(cls, errors: Sequence[Array]) -> _Noise:
         """The errors of runs with the likeliest tail, at the level that their medians in windows show."""
-        error, size = np.concatenate(errors), np.concatenate([_sizes(e) for e in errors])
+        error: Array = np.concatenate(errors)
+        size: Array = np.concatenate([_sizes(e) for e in errors])
         noises = [cls(error, size / float(tails.student_value(0.25, freedom)), freedom) for freedom in FREEDOMS]
         return max(noises, key=lambda n: float(np.sum(tails.student_log_density(error / n.level, n.freedom) - np.log(n.level))))
 

@@ -283,7 +283,7 @@ def _signal(fitted: AxisFit) -> Array:
         matrix, n = fitted.design.columns(i), b.n
         u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
         weight = np.sqrt(n)
-        part = sum(
+        part: Array = sum(
             (fitted.solution.beta[j] * matrix[1 + j] for j, (t, _) in enumerate(layout.fixed) if t == mine),
             np.zeros(n.size),
         )
