@@ -208,9 +208,9 @@ def test_what_the_earth_may_make_once_per_turn_across_the_table_is_no_tone(
     assert bool(hints) == (not named)
 
 
-def tilted(size_g: float = 0.0126) -> Session:
+def tilted(size_g: float = 0.0126, seconds: float = 60.0) -> Session:
     """A table that is not level: what lies in its plane turns once per turn through gravity."""
-    session, rng = simulate(None, "full", (), 3, scenarios=3, seconds=60.0)[0], np.random.default_rng(1)
+    session, rng = simulate(None, "full", (), 3, scenarios=3, seconds=seconds)[0], np.random.default_rng(1)
 
     def run_of(run: Run) -> Run:
         angle_rad = table_angle_rad(run)
@@ -224,7 +224,7 @@ def tilted(size_g: float = 0.0126) -> Session:
 def test_gravity_in_the_plane_of_a_tilted_table_is_no_tone() -> None:
     """Only the component along the table's axis was tried, and the rest of the same effect was named a tone of order 1."""
     sizes = {"gx_dps_per_g": 0.11, "gy_dps_per_g": -0.2, "gz_dps_per_g": -0.065}
-    session = tilted()
+    session = tilted(seconds=20.0)
     session = with_terms(session, lambda r: {"z": r.acc_g @ np.array(list(sizes.values())) if r.acc_g is not None else 0.0})
     named = {c.effect.id: c for c in diagnose(session, ON_Z).candidates if c.named}
     assert set(named) == {"g_sensitivity"}
@@ -262,7 +262,10 @@ def test_a_wide_pulse_once_a_turn_is_no_ripple(aligned: bool) -> None:
     assert found.comparison.where
 
 
-@pytest.mark.parametrize(("spec", "named"), [("order_tone:order=3,A_dps=0.03", "order_tone"), ("table_ripple", "table_ripple")])
+@pytest.mark.parametrize(
+    ("spec", "named"),
+    [("order_tone:order=3,A_dps=0.03", "order_tone"), pytest.param("table_ripple", "table_ripple", marks=pytest.mark.wide)],
+)
 def test_over_less_than_two_turns_of_unknown_angle_sizes_tell_a_tone_from_a_ripple(spec: str, named: str) -> None:
     """A tone was not looked for there, so that a ripple was named in its place."""
     session, _ = simulate(None, "full", [spec], 4, seconds=4.5)

@@ -9,6 +9,7 @@ from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.rounding import amplitudes_dps
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.slow
@@ -62,7 +63,7 @@ def test_a_grid_that_is_coarser_than_the_stated_count_makes_no_jumps() -> None:
     """A steady rate's error of rounding changes with each step of the table."""
     made = staircase(sd_dps=0.017)
     stated = made.with_runs(replace(run, lsb_dps=COUNT_DPS / 4) for run in made.runs)
-    found = diagnose(replace(stated, lsb_dps=COUNT_DPS / 4))
+    found = diagnose(replace(stated, lsb_dps=COUNT_DPS / 4), ON_Z)
     assert {c.effect.id for c in found.candidates if c.named} <= {"quantization"}
 
 
@@ -84,7 +85,7 @@ def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:
 
 @pytest.mark.parametrize("sd_counts", [0.1, pytest.param(0.2, marks=pytest.mark.wide), 0.3])
 def test_readings_that_stand_at_one_count_are_no_quieter_noise(sd_counts: float) -> None:
-    found = compare(power_cycles(sd_counts, 0))
+    found = compare(power_cycles(sd_counts, 0), ON_Z)
     assert found.verdict == "adequate", found.where
 
 
