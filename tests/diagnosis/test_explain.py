@@ -31,7 +31,7 @@ def session_with(effects: list[str], campaign: str = "paper", seed: int = 3, sce
 
 @pytest.fixture(scope="module")
 def two_effects() -> Session:
-    return session_with(["table_ripple", "spin_up"])
+    return session_with(["table_ripple", "spin_up"], scenarios=4)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_the_excess_that_judged_a_step_is_the_one_that_is_shown(explained: Expla
 
 
 def test_nothing_is_added_where_nothing_is() -> None:
-    found = explain(session_with([]))
+    found = explain(session_with([], scenarios=3))
     assert (found.steps, found.left, found.verdict) == ([], [], "adequate")
     assert not [c for c in found.first.candidates if c.decision in ("add", "suggest")]
 
@@ -125,7 +125,7 @@ def test_effects_of_one_shape_stay_open() -> None:
 
 
 def test_a_single_effect_is_its_own_set() -> None:
-    chosen = choose(Current.of(measure(session_with(["table_ripple"]), ON_Z), "z"), [base.effect("table_ripple")], 20)
+    chosen = choose(Current.of(measure(session_with(["table_ripple"], scenarios=4), ON_Z), "z"), [base.effect("table_ripple")], 20)
     assert ([e.id for e in chosen.certain], chosen.open) == (["table_ripple"], ())
 
 

@@ -22,7 +22,7 @@ def session_of(campaign: str, *effects: str, seed: int = 5) -> Session:
 STORIES = [
     pytest.param("full", "g_sensitivity", "z", marks=pytest.mark.wide),
     pytest.param("full", "misalignment", "x", marks=pytest.mark.wide),
-    ("paper", "warmup:A_dps=0.1,tau_s=15", "z"),
+    pytest.param("paper", "warmup:A_dps=0.1,tau_s=15", "z", marks=pytest.mark.wide),
     pytest.param("swing", "lag", "z", marks=pytest.mark.wide),
 ]
 
@@ -101,6 +101,7 @@ def test_two_effects_are_found_one_by_one() -> None:
     assert found.verdict == "adequate"
 
 
+@pytest.mark.wide
 def test_a_wrong_effect_does_not_make_the_error_fall() -> None:
     before, after, _ = add_measured(session_of("full", "g_sensitivity"), ON_Z, "scale_temperature")
     assert after.pooled.excess_dps > 0.95 * before.pooled.excess_dps
