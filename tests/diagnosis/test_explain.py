@@ -125,7 +125,8 @@ def test_effects_of_one_shape_stay_open() -> None:
 
 
 def test_a_single_effect_is_its_own_set() -> None:
-    chosen = choose(Current.of(measure(session_with(["table_ripple"], scenarios=4), ON_Z), "z"), [base.effect("table_ripple")], 20)
+    current = Current.of(measure(session_with(["table_ripple"], scenarios=4), ON_Z), "z")
+    chosen = choose(current, [base.effect("table_ripple")], 20)
     assert ([e.id for e in chosen.certain], chosen.open) == (["table_ripple"], ())
 
 
