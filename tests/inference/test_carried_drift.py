@@ -43,7 +43,7 @@ def session(seed: int, goes_on: bool, sd_dps: float = 0.01, white_dps: float = 0
 def test_the_error_of_a_slow_effect_is_its_scatter(goes_on: bool) -> None:
     """It was half of it where the bias goes on."""
     ratios = []
-    for seed in range(20):
+    for seed in range(40):
         term = fit(session(seed, goes_on), MODEL, axes="z").axes["z"].terms[-1]
         ratios.append((term.values["k1_dps_per_c"] - K_DPS_PER_C) / term.se["k1_dps_per_c"])
     assert 0.7 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.7
