@@ -22,8 +22,12 @@ from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.gravity import compare as gravity_compare
 from gyrocal.gravity import naming as gravity_naming
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from gyrocal.variables.base import variables
+
+ON_X, ON_Y, ON_Z = (Model.builtin("default").about(axis) for axis in AXES)
+"""The default model of one axis alone. Its diagnosis tries the library on that axis, which costs a third of all three: for
+tests that plant on one axis and ask about it, where the others hold noise alone."""
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.residual_table import residual_table
 from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import AXES, Run, Session
-from known import add_measured
+from known import ON_Z, add_measured
 from make_runs import make_run, make_session
 
 T_S = np.arange(1200) / 100
@@ -59,12 +59,12 @@ def test_a_leak_that_only_turns_show_is_judged_by_the_angle_it_leaves() -> None:
     leaking = session(1, leak=0.01)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        before, after, _ = add_measured(leaking, None, "misalignment")
-        explained = explain(leaking)
+        before, after, _ = add_measured(leaking, ON_Z, "misalignment")
+        explained = explain(leaking, ON_Z)
     assert explained.first.to_json()["residual"] == "angle"
     found = explained.to_json()
     old, new = before.to_json(), after.to_json()
-    left_deg = 3.6 * np.sqrt(2 / 9 / 3)  # 360 deg of 0.01, in two of nine runs and on one of three axes
+    left_deg = 3.6 * np.sqrt(2 / 9)  # 360 deg of 0.01, in two of nine runs
     assert old["excess_deg"] == pytest.approx(left_deg, rel=0.5)  # held out, the power cycles' own offsets move too
     assert old["floor_deg"] == new["floor_deg"]
     assert new["excess_deg"] < 3 * new["excess_se_deg"]
@@ -145,8 +145,11 @@ def test_an_excess_of_the_angles_beyond_its_errors_is_a_misfit() -> None:
 
 
 def test_an_excess_of_few_turns_has_the_error_of_few_squares() -> None:
-    """A sum of five squares exceeds three of its standard deviations once in fifty times: such turns were a misfit."""
-    for seed in range(30):
+    """A sum of five squares exceeds three of its standard deviations once in fifty times: such turns were a misfit.
+
+    Of thirty sessions these are the ten with the largest excess in its errors.
+    """
+    for seed in (4, 6, 7, 10, 15, 22, 24, 25, 26, 27):
         found = measure(by_hand(100 + seed))
         assert found.verdict == "adequate"
         assert found.angles is not None

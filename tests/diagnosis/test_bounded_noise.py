@@ -11,9 +11,11 @@ from gyrocal.inference import heldout
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import OU_SD_DPS, WHITE_SD_DPS, simulate
+from known import ON_Z
 from make_runs import Array, make_run, make_session
 from study import study
 
+pytestmark = pytest.mark.usefixtures("known_answers")
 excess = study("excess")
 SPIN_UP, RAMP = "spin_up:A=0.002,tau_s=2", "bias_temperature:k1_dps_per_c=0.02,k2_dps_per_c2=0.0005"
 CASES = (
@@ -27,7 +29,7 @@ CASES = (
 def compared(request: pytest.FixtureRequest) -> tuple[Session, Comparison, float]:
     """A session, its comparison, and what least squares leaves of it, deg/s."""
     session, turn_on_dps = request.param.session()
-    return session, measure(session), excess.least_squares_dps(session, turn_on_dps, "z", 1.0)[0]
+    return session, measure(session, ON_Z), excess.least_squares_dps(session, turn_on_dps, "z", 1.0)[0]
 
 
 def test_the_excess_is_what_least_squares_leaves(compared: tuple[Session, Comparison, float]) -> None:
@@ -58,15 +60,15 @@ def test_what_is_drawn_is_the_best_line(compared: tuple[Session, Comparison, flo
 def test_an_effect_that_shows_as_an_excess_alone_does_not_stay_in_the_floor() -> None:
     """In one run, a drift explains a ramp of temperature as well as steps do; the excess follows it all the same."""
     session = simulate(None, "chamber", [RAMP], 33, scenarios=1, seconds=900.0)[0]
-    found = measure(session)
-    assert [f.against for f in found.where if f.axis == "z"] == ["temperature"]
+    found = measure(session, ON_Z)
+    assert [f.against for f in found.where] == ["temperature"]
     assert found.per_axis["z"].floor_dps == pytest.approx(WHITE_SD_DPS, rel=0.03)
     assert found.likeliest.axes["z"].noise.ou_sd_dps > 10 * found.fit.axes["z"].noise.ou_sd_dps
 
 
 def test_what_a_candidate_removes_is_what_compare_shows() -> None:
     session, _ = CASES[1].session()
-    found = diagnose(session)
+    found = diagnose(session, ON_Z)
     best = found.best
     assert best is not None
     assert best.effect.id == "spin_up"
@@ -75,7 +77,7 @@ def test_what_a_candidate_removes_is_what_compare_shows() -> None:
 
 def test_a_candidate_has_no_more_drift_than_what_is_left_beside_the_misfit() -> None:
     """A fit of an effect that does not act has the spin-up in its drift, and so had its floor."""
-    found = measure(CASES[1].session()[0])
+    found = measure(CASES[1].session()[0], ON_Z)
     current = Current.of(found, "z")
     floor, squares = current.floor_of(current.fit), current.squares_of(current.fit)
     assert floor.within == pytest.approx(found.floors["z"].within, rel=0.01)
@@ -94,7 +96,7 @@ def test_the_error_of_an_excess_counts_the_offsets_of_power_cycles() -> None:
     found = []
     for seed in range(8):
         case = excess.Case("full", "scale_asymmetry:k=0.0005", seed=40 + seed, how={"scenarios": 1, "seconds": 20.0})
-        level = measure(case.session()[0]).per_axis["z"]
+        level = measure(case.session()[0], ON_Z).per_axis["z"]
         assert level.excess_dps is not None
         assert level.excess_se_dps is not None
         found.append((level.excess_dps, level.excess_se_dps))
@@ -137,9 +139,9 @@ def warming(a_dps: float, tau_s: float, seed: int) -> tuple[Session, Array]:
 def test_an_effect_that_its_name_alone_shows_does_not_stay_in_the_noise(a_dps: float, tau_s: float) -> None:
     """With two power cycles, a drift explains a warm-up as well. The excess was 0 ± 8 mdps beside a card that took 9 away."""
     session, left = warming(a_dps, tau_s, seed=5)
-    found = compare(session)
-    level, drop = found.per_axis["z"], diagnose(session)
-    assert [f.note.partition("of: ")[2] for f in found.where if f.axis == "z"] == ["warm-up after power-on"]
+    found = compare(session, ON_Z)
+    level, drop = found.per_axis["z"], diagnose(session, ON_Z)
+    assert [f.note.partition("of: ")[2] for f in found.where] == ["warm-up after power-on"]
     assert level.excess_dps is not None
     assert level.excess_se_dps is not None
     assert level.excess_dps == pytest.approx(np.sqrt(np.mean(left**2) - 0.06**2 / 50), abs=2 * level.excess_se_dps)

@@ -9,8 +9,10 @@ from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
 RATE_HZ, LAG_S = 104.0, 0.005
 
 
@@ -33,7 +35,7 @@ def swings(lag_s: float) -> Session:
 
 
 def test_a_lag_is_named_though_its_lines_in_the_spectrum_stand_out_more() -> None:
-    found = diagnose(swings(LAG_S))
+    found = diagnose(swings(LAG_S), ON_Z)
     assert found.verdict == "add"
     assert found.best is not None
     assert (found.best.effect.id, found.best.axis) == ("lag", "z")
@@ -41,7 +43,7 @@ def test_a_lag_is_named_though_its_lines_in_the_spectrum_stand_out_more() -> Non
 
 
 def test_without_one_nothing_is_missing() -> None:
-    assert diagnose(swings(0.0)).verdict == "adequate"
+    assert diagnose(swings(0.0), ON_Z).verdict == "adequate"
 
 
 def test_bursts_shorter_than_the_estimator_s_blocks_are_fitted_all_together() -> None:

@@ -8,8 +8,10 @@ import pytest
 
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.residual.residual_table import residual_table
+from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
+from known import ON_Z
 
 
 def session_with(effects: list[str], seed: int = 3, seconds: float = 20.0) -> Session:
@@ -100,5 +102,5 @@ def test_drift_is_no_misfit_for_default_but_is_for_the_paper_s_white_noise() -> 
         session_with([], seconds=40.0),
         gz_dps=lambda r: r.gyro_dps[:, 2] + ou_noise(len(r), 1 / 145, 0.005, 20.0, 1, rng)[:, 0],
     )
-    assert compare(drifting).verdict == "adequate"
-    assert compare(drifting, "paper").verdict == "misfit"
+    assert compare(drifting, ON_Z).verdict == "adequate"
+    assert compare(drifting, Model.builtin("paper").about("z")).verdict == "misfit"

@@ -19,10 +19,10 @@ from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
 from gyrocal.variables.base import variables
 from gyrocal.variables.terms import hinges
-from known import add_measured
+from known import ON_Z, add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 Array = NDArray[np.float64]
 RATES_DPS = (0.0, 40.0, -60.0, 90.0, -150.0)
 
@@ -63,9 +63,9 @@ def test_the_error_falls_nearly_as_far_as_with_the_true_shape(what: str, library
     del library["order_tone"]  # the library would name the gear
     signal, encoder, against, truth = PLANTED[what]
     session = recording(signal, encoder)
-    found, before, after, model = keep(session)
+    found, before, after, model = keep(session, ON_Z)
     assert (found.axis, found.against) == ("z", against)
-    oracle_before, oracle_after, _ = add_measured(session, None, truth)
+    oracle_before, oracle_after, _ = add_measured(session, ON_Z, truth)
     fallen = before.per_axis["z"].rms_dps ** 2 - after.per_axis["z"].rms_dps ** 2
     possible = oracle_before.per_axis["z"].rms_dps ** 2 - oracle_after.per_axis["z"].rms_dps ** 2
     assert possible > 0
@@ -76,12 +76,12 @@ def test_the_error_falls_nearly_as_far_as_with_the_true_shape(what: str, library
 
 def test_nothing_is_kept_where_nothing_is_unknown() -> None:
     with pytest.raises(InputError, match="nothing to keep: the model is adequate"):
-        keep(recording(lambda q: np.zeros(q["t"].size)))
+        keep(recording(lambda q: np.zeros(q["t"].size)), ON_Z)
 
 
 def test_what_has_a_name_is_not_kept_under_another() -> None:
     with pytest.raises(InputError, match="gyrocal add bias_temperature"):
-        propose(diagnose(recording(lambda q: 0.01 * (q["temp_c"] - 25))))
+        propose(diagnose(recording(lambda q: 0.01 * (q["temp_c"] - 25)), ON_Z))
 
 
 def test_the_terms_that_were_planted_are_chosen() -> None:
@@ -107,6 +107,7 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
     session, model = str(tmp_path / "s"), str(tmp_path / "m.toml")
     signal = PLANTED["a sawtooth in the table's angle"][0]
     recording(signal).save(session)
+    ON_Z.save(model)
     own = tmp_path / "effects"
     own.mkdir()
     (own / "beside.py").write_text("raise SystemExit('run without being asked for')\n")
@@ -138,4 +139,4 @@ def test_one_reading_is_never_kept(row: int) -> None:
         return np.where((np.arange(quantities["t"].size) == row) & (len(runs) == 8), 3.0, 0.0)
 
     with pytest.raises(InputError):
-        propose(diagnose(recording(signal)))
+        propose(diagnose(recording(signal), ON_Z))

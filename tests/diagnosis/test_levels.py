@@ -14,6 +14,7 @@ from gyrocal.noise.drift import ou_noise
 from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import ON_Z
 from make_runs import make_run, make_session
 
 RATE_HZ, WHITE_DPS = 104.0, 0.044
@@ -136,7 +137,7 @@ def test_before_and_after_share_the_richer_model_s_floor() -> None:
 def test_compare_and_diagnose_agree_on_weak_effects(effect: str) -> None:
     """So weak that the effect's own test may find it where the general tests do not."""
     session = simulate(None, "full", [effect], 0, scenarios=1, seconds=10.0)[0]
-    assert (compare(session).verdict == "adequate") == (diagnose(session).verdict == "adequate")
+    assert (compare(session, ON_Z).verdict == "adequate") == (diagnose(session, ON_Z).verdict == "adequate")
 
 
 def test_samples_without_a_reference_neither_lower_the_rms_nor_have_a_residual() -> None:

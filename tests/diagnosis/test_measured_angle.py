@@ -12,8 +12,10 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.color import Color
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
 RATE_HZ, WHITE_DPS, SCALE, BIAS_DPS = 100.0, 0.05, 0.005, 0.5
 T_S = np.arange(2000) / RATE_HZ
 
@@ -37,9 +39,9 @@ def session(seed: int, step_deg: float, cycles: int = 4, k1: float = 0.0) -> Ses
     return make_session(*(run(k) for k in range(cycles)))
 
 
-@pytest.mark.parametrize("step_deg", [0.05, 0.2])
+@pytest.mark.parametrize("step_deg", [pytest.param(0.05, marks=pytest.mark.wide), 0.2])
 def test_a_coarse_encoder_is_judged_by_the_angle_and_no_misfit(step_deg: float) -> None:
-    told = compare(session(1, step_deg)).to_json()
+    told = compare(session(1, step_deg), ON_Z).to_json()
     assert told["verdict"] == "adequate"
     assert told["residual"] == "angle"
     assert "rms_dps" not in told
@@ -52,7 +54,7 @@ def test_a_coarse_encoder_is_judged_by_the_angle_and_no_misfit(step_deg: float) 
 def test_a_swing_that_begins_in_motion_is_not_said_to_begin_apart() -> None:
     """There is no rate beside the start of an angle, and the first readings must not be held against one."""
     for seed in range(4):
-        assert [w.code for w in measure(session(seed, 0.1)).warnings] == []
+        assert [w.code for w in measure(session(seed, 0.1), ON_Z).warnings] == []
 
 
 def test_scale_and_bias_have_honest_errors_beside_coarse_steps() -> None:
@@ -68,7 +70,7 @@ def test_scale_and_bias_have_honest_errors_beside_coarse_steps() -> None:
 
 def test_residuals_hold_the_integrated_readings_against_the_encoder_s_angle() -> None:
     recorded = session(2, 0.1, cycles=3)
-    rows = residual_table(compare(recorded)).filter((pl.col("axis") == "z") & (pl.col("file") == recorded.runs[1].file))
+    rows = residual_table(measure(recorded, ON_Z)).filter(pl.col("file") == recorded.runs[1].file)
     assert rows.columns == ["file", "t_s", "axis", "measured_deg", "modelled_deg"]
     assert rows.height > 1900
     run = recorded.runs[1]
@@ -82,7 +84,7 @@ def test_residuals_hold_the_integrated_readings_against_the_encoder_s_angle() ->
 
 
 def test_an_effect_is_named_beside_coarse_steps() -> None:
-    found = diagnose(session(3, 0.05, k1=0.05))
+    found = diagnose(session(3, 0.05, k1=0.05), ON_Z)
     assert found.best is not None
     assert (found.best.effect.id, found.best.axis) == ("bias_temperature", "z")
     assert abs(found.best.values["k1_dps_per_c"] - 0.05) < 4 * found.best.se["k1_dps_per_c"]

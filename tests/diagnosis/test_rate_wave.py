@@ -7,6 +7,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import Array, make_run, make_session
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tests_alone")]
@@ -53,7 +54,7 @@ def seven_rates(rng: np.random.Generator) -> Array:
 
 def test_no_wave_is_told_between_rates_that_nobody_measured() -> None:
     """A cubic at seven rates was also told as a wave over the rate with a period of 46.7 deg/s."""
-    found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed=5))
+    found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed=5), ON_Z)
     assert found.comparison.where
     assert not any("wave over the rate" in finding.note for finding in found.comparison.where)
     assert found.best is not None
@@ -64,7 +65,7 @@ def test_no_wave_is_told_between_rates_that_nobody_measured() -> None:
 def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator], Array], period_dps: float) -> None:
     """It was named an asymmetry of the scale, or a tone that the steps of a staircase resemble."""
     wave = session(motion, lambda rate: 0.06 * np.sin(2 * np.pi * rate / period_dps + 2.5), seed=3)
-    found = diagnose(wave)
+    found = diagnose(wave, ON_Z)
     assert (found.verdict, found.unknown is not None and found.unknown["against"]) == ("unknown", "rate")
     assert found.unknown is not None
     assert float(found.unknown["shape"].split("period of ")[1].split()[0]) == pytest.approx(period_dps, rel=0.05)
@@ -78,13 +79,13 @@ def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator],
 @pytest.mark.parametrize(
     ("effect_id", "error_dps"),
     [
-        ("scale_asymmetry", lambda rate: 5e-4 * np.abs(rate)),
+        pytest.param("scale_asymmetry", lambda rate: 5e-4 * np.abs(rate), marks=pytest.mark.wide),
         ("scale_nonlinearity", lambda rate: 5e-8 * rate**3),
         ("dead_band", lambda rate: np.where(np.abs(rate) < 1.0, -rate, 0.0)),
     ],
 )
 def test_what_depends_on_the_rate_in_a_known_way_keeps_its_name(effect_id: str, error_dps: Callable[[Array], Array]) -> None:
-    found = diagnose(session(by_hand, error_dps, seed=4))
+    found = diagnose(session(by_hand, error_dps, seed=4), ON_Z)
     assert found.best is not None
     assert found.verdict in ("add", "ambiguous")
     assert effect_id in (found.best.effect.id, *found.best.group)

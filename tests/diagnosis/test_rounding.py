@@ -9,6 +9,7 @@ from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.rounding import amplitudes_dps
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.slow
@@ -44,12 +45,12 @@ def test_rounding_is_no_misfit() -> None:
 @pytest.mark.parametrize(("apart_dps", "seed"), [(0.012, 20), pytest.param(0.02, 21, marks=pytest.mark.wide), (0.03, 22)])
 def test_the_level_of_each_power_cycle_is_rounded(apart_dps: float, seed: int) -> None:
     """Offsets of a tenth of a count move the rounding error by a tenth of its period."""
-    assert compare(staircase(sd_dps=0.024, apart_dps=apart_dps, seed=seed)).verdict == "adequate"
+    assert compare(staircase(sd_dps=0.024, apart_dps=apart_dps, seed=seed), ON_Z).verdict == "adequate"
 
 
 def test_a_harmonic_that_cannot_be_seen_does_not_bring_rounding_back() -> None:
     """The second harmonic, of 0.1 mdps, had an error of 1.1 mdps, and the first one, of 7 mdps, was reported."""
-    assert compare(staircase(apart_dps=0.0, seed=2)).verdict == "adequate"
+    assert compare(staircase(apart_dps=0.0, seed=2), ON_Z).verdict == "adequate"
 
 
 def test_a_larger_effect_is_found_beside_rounding() -> None:
@@ -62,7 +63,7 @@ def test_a_grid_that_is_coarser_than_the_stated_count_makes_no_jumps() -> None:
     """A steady rate's error of rounding changes with each step of the table."""
     made = staircase(sd_dps=0.017)
     stated = made.with_runs(replace(run, lsb_dps=COUNT_DPS / 4) for run in made.runs)
-    found = diagnose(replace(stated, lsb_dps=COUNT_DPS / 4))
+    found = diagnose(replace(stated, lsb_dps=COUNT_DPS / 4), ON_Z)
     assert {c.effect.id for c in found.candidates if c.named} <= {"quantization"}
 
 
@@ -84,7 +85,7 @@ def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:
 
 @pytest.mark.parametrize("sd_counts", [0.1, pytest.param(0.2, marks=pytest.mark.wide), 0.3])
 def test_readings_that_stand_at_one_count_are_no_quieter_noise(sd_counts: float) -> None:
-    found = compare(power_cycles(sd_counts, 0))
+    found = compare(power_cycles(sd_counts, 0), ON_Z)
     assert found.verdict == "adequate", found.where
 
 

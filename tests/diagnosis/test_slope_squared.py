@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("tests_alone")
@@ -27,7 +28,7 @@ def session(seed: int, of_slope: float = 0.0, of_square: float = 0.0, of_size: f
 
 
 def named(of: Session) -> list[str]:
-    return [c.effect.id for c in diagnose(of).candidates if c.decision == "add" and c.axis == "z"]
+    return [c.effect.id for c in diagnose(of, ON_Z).candidates if c.decision == "add"]
 
 
 @pytest.mark.parametrize(("seed", "of_slope"), [(9601, 4e-6), (9602, -4e-6)])

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
-from known import add_measured
+from known import ON_Z, add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 
 
 def session(seed: int, asymmetry: float = 0.0) -> Session:
@@ -27,19 +28,18 @@ def session(seed: int, asymmetry: float = 0.0) -> Session:
     return make_session(*runs)
 
 
-def named(diagnosed: Session, model: object = None) -> list[str]:
-    found = diagnose(diagnosed, model)  # type: ignore[arg-type]
-    return [c.effect.id for c in found.candidates if c.decision == "add" and c.axis == "z"]
+def named(diagnosed: Session, model: Model = ON_Z) -> list[str]:
+    return [c.effect.id for c in diagnose(diagnosed, model).candidates if c.decision == "add"]
 
 
 def test_its_value_at_rest_is_no_even_error_of_the_rate() -> None:
     of = session(9701)
     assert named(of) == ["order_tone"]
-    model = add_measured(of, None, "order_tone").model
+    model = add_measured(of, ON_Z, "order_tone").model
     assert not {"scale_asymmetry", "centripetal"} & set(named(of, model))
 
 
 def test_an_asymmetry_that_the_speeds_show_is_named_beside_it() -> None:
     of = session(9703, asymmetry=2e-3)
-    model = add_measured(of, None, "order_tone").model
+    model = add_measured(of, ON_Z, "order_tone").model
     assert named(of, model) == ["scale_asymmetry"]

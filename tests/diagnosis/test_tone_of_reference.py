@@ -5,6 +5,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("tests_alone")
@@ -31,7 +32,7 @@ def session(in_sensor: float, in_reference: float) -> Session:
     ("in_sensor", "in_reference", "named"), [(TONE_DPS, 0.0, True), (0.0, TONE_DPS, False), (TONE_DPS, 2 * TONE_DPS, False)]
 )
 def test_a_tone_is_named_where_the_sensor_alone_has_it(in_sensor: float, in_reference: float, named: bool) -> None:
-    sure = {c.effect.id for c in diagnose(session(in_sensor, in_reference)).candidates if c.decision == "add"}
+    sure = {c.effect.id for c in diagnose(session(in_sensor, in_reference), ON_Z).candidates if c.decision == "add"}
     assert ("vibration_tone" in sure) is named
 
 
@@ -45,7 +46,7 @@ def test_a_motion_that_is_large_is_not_taken_for_the_wave() -> None:
         gyro = rng.normal(0, 0.02, (T_S.size, 3))
         gyro[:, 2] += rate_dps * (1.002 + 0.0018 * np.sin(np.deg2rad(3 * turned_deg))) + 0.3
         runs.append(make_run(T_S, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=RATE_HZ, rate_ref_dps=rate_dps))
-    found = diagnose(make_session(*runs)).best
+    found = diagnose(make_session(*runs), ON_Z).best
     assert found is not None
     assert (found.effect.id, found.axis) == ("table_ripple", "z")
 
@@ -61,4 +62,4 @@ def test_the_beat_of_an_encoder_is_found_beneath_a_motion_a_thousand_times_as_la
         gyro = rng.normal(0, 0.08, (t_s.size, 3))
         gyro[:, 2] += 1.002 * rate_dps + 0.3
         runs.append(make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=104.0, ref_angle_deg=angle_deg))
-    assert [c.effect.id for c in diagnose(make_session(*runs)).candidates if c.decision == "add"] == []
+    assert [c.effect.id for c in diagnose(make_session(*runs), ON_Z).candidates if c.decision == "add"] == []

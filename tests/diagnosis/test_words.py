@@ -18,6 +18,7 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Steps
+from known import ON_X, ON_Z
 from make_runs import Array, make_run, make_session
 
 RATE_HZ, SECONDS, NOISE_DPS, WITHIN = 50.0, 24.0, 0.02, 0.2
@@ -242,7 +243,7 @@ def test_a_run_without_the_variable_belongs_to_no_step(times_rate: bool) -> None
             for k, r in enumerate([10.0, -10.0])
         ]
         bare = make_run(T_S, read(10.0, 0.0), table_rate_dps=10.0, scenario="s9")
-        return measure(make_session(*runs, *([bare] if last else []))).fit.axes["z"]
+        return measure(make_session(*runs, *([bare] if last else [])), ON_Z).fit.axes["z"]
 
     amplitude, _ = described(fitted(last=True), shape)
     assert amplitude == pytest.approx(described(fitted(last=False), shape)[0], rel=0.2)
@@ -276,8 +277,8 @@ class Moved:
 
     def check(self, against: str, pattern: str, columns: Array) -> re.Match[str]:
         """The strongest finding: its variable, its words, and its rms beside that of the drawn residual's part in columns."""
-        first = measure(self.session()).where[0]
-        assert (first.axis, first.against) == ("z", against), first.note
+        first = measure(self.session(), ON_Z).where[0]
+        assert first.against == against, first.note
         y = self.drawn_dps().ravel()
         known = np.column_stack([np.ones(y.size), columns.reshape(y.size, -1)])
         part = (known @ np.linalg.lstsq(known, y, rcond=None)[0]).reshape(self.rate_dps.shape)
@@ -352,8 +353,8 @@ def test_a_curve_over_the_time_since_power_on_has_its_window_and_size(seed: int)
     size = rng.uniform(0.3, 0.6) * rng.choice([-1, 1])
     keys = [{"table_rate_dps": rate_dps[i, 0], "power_on_s": on_s[i], "scenario": "s0", "day": 1} for i in range(8)]
     moved = Moved(rate_dps, size * np.exp(-since_s / 40), noise(rng), keys)
-    first = measure(moved.session()).where[0]
-    assert (first.axis, first.against) == ("z", "power_on_time"), first.note
+    first = measure(moved.session(), ON_Z).where[0]
+    assert first.against == "power_on_time", first.note
     low, high = window(first.note, "s")
     drawn = moved.drawn_dps()
     inside = (since_s >= low) & (since_s < high)
@@ -369,8 +370,8 @@ def test_a_tone_of_a_broken_number_per_turn_is_told_on_an_axis_across_the_table_
     for i, rate in enumerate(rates):
         gyro = rng.normal(0, NOISE_DPS, (T_S.size, 3)) + np.column_stack([wave[i], 0 * T_S, 0 * T_S + 1.003 * rate])
         made.append(make_run(T_S, gyro, table_rate_dps=rate, scenario=f"s{i}", day=1 + i % 3))
-    first = measure(make_session(*made)).where[0]
-    assert (first.axis, first.against) == ("x", "order"), first.note
+    first = measure(make_session(*made), ON_X).where[0]
+    assert first.against == "order", first.note
     assert number(first.note, rf"{NUMBER} per turn") == pytest.approx(order, abs=0.02)
     assert number(first.note, rf"{NUMBER} mdps") == pytest.approx(1e3 * size, rel=WITHIN)
     assert first.amplitude_dps == pytest.approx(size, rel=WITHIN)
@@ -383,8 +384,8 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     rate_dps = 80 * np.sin(phase) ** 3
     missing = np.where(np.abs(rate_dps) < 10, -rng.uniform(0.02, 0.05) * rate_dps, 0.0)
     moved = Moved(rate_dps, missing, noise(rng), [{"rate_ref_dps": r} for r in rate_dps])
-    first = measure(moved.session()).where[0]
-    assert (first.axis, first.against) == ("z", "level"), first.note
+    first = measure(moved.session(), ON_Z).where[0]
+    assert first.against == "level", first.note
     low, high = window(first.note, "dps")
     inside = (np.abs(rate_dps) >= low) & (np.abs(rate_dps) < high)
     drawn = moved.drawn_dps()

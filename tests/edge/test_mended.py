@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 
 from . import drawn, frozen, recording
@@ -33,5 +34,6 @@ def test_it_is_not_named_again(
     monkeypatch.setenv(frozen.TREE, tree)
     case = drawn.Draw("frozen", kind, number).case()
     recording.write(case.made, case.readings, tmp_path / "session", case.random)
-    found = diagnose(Session.open(tmp_path / "session"))
-    assert wrong not in {(c.effect.id, c.axis) for c in found.candidates if c.named}
+    effect_id, axis = wrong
+    found = diagnose(Session.open(tmp_path / "session"), Model.builtin("default").about(axis))
+    assert effect_id not in {c.effect.id for c in found.candidates if c.named}

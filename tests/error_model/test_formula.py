@@ -16,7 +16,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
-from known import add_measured
+from known import ON_Z, add_measured
 
 pytestmark = pytest.mark.usefixtures("known_answers")
 
@@ -55,7 +55,7 @@ def test_a_size_of_its_own_in_each_run(session: Session) -> None:
     rng = np.random.default_rng(0)
     sizes = rng.normal(0, 0.05, len(session.runs))
     planted = with_signal(session, lambda r: sizes[r.index] * np.sin(0.7 * (r.t_s - r.t_s[0])))
-    before, after, model = add_measured(planted, None, "wobble: k*sin(0.7*t); each run")
+    before, after, model = add_measured(planted, ON_Z, "wobble: k*sin(0.7*t); each run")
     assert after.pooled.excess_dps < 0.2 * before.pooled.excess_dps
     term = model.term("wobble", "z")
     assert term is not None
@@ -91,11 +91,11 @@ def test_no_text_does_anything_but_parse(text: str) -> None:
 @pytest.mark.slow
 def test_a_formula_is_found_added_and_kept(session: Session, tmp_path: Path) -> None:
     planted = with_signal(session, lambda r: 0.02 * np.sin(0.7 * (r.t_s - r.t_s[0])))
-    found = diagnose(planted, formulas=["wobble: k*sin(0.7*t)"])
+    found = diagnose(planted, ON_Z, formulas=["wobble: k*sin(0.7*t)"])
     assert found.best is not None
-    assert (found.best.effect.id, found.best.axis) == ("wobble", "z")
+    assert found.best.effect.id == "wobble"
     assert found.best.values["k"] == pytest.approx(0.02, rel=0.05)
-    before, after, model = add_measured(planted, None, "wobble: k*sin(0.7*t)")
+    before, after, model = add_measured(planted, ON_Z, "wobble: k*sin(0.7*t)")
     assert after.pooled.excess_dps < 0.4 * before.pooled.excess_dps
     model.save(tmp_path / "m.toml")
     again = Model.open(tmp_path / "m.toml")
@@ -106,7 +106,7 @@ def test_a_formula_is_found_added_and_kept(session: Session, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_a_nonlinear_parameter_is_refined(session: Session) -> None:
     planted = with_signal(session, lambda r: 0.05 * np.exp(-(r.t_s - r.t_s[0]) / 3.0))
-    _, after, model = add_measured(planted, None, "A*exp(-t/tau); tau=8")
+    _, after, model = add_measured(planted, ON_Z, "A*exp(-t/tau); tau=8")
     assert model.value("formula", "z", "tau") == pytest.approx(3.0, rel=0.1)
     assert after.fit.model.value("formula", "z", "A") == pytest.approx(0.05, rel=0.1)
 
@@ -133,7 +133,7 @@ def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_
         assert base.load(tmp_path) == ["own_wobble"]
         planted, truth = simulate(None, "paper", ["own_wobble:k=0.02"], 4, scenarios=6, seconds=20.0)
         assert truth["effects"] == ["own_wobble"]
-        assert diagnose(planted).candidates[0].effect.id == "own_wobble"
+        assert diagnose(planted, ON_Z).candidates[0].effect.id == "own_wobble"
         base.effects().pop("own_wobble")
         words = ["simulate", str(tmp_path / "s"), "--scenarios", "1", "--seconds", "2", "--effect", "own_wobble"]
         assert main(words) == 2  # code: only when asked for

@@ -10,6 +10,7 @@ from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.effects.base import elapsed_s
 from gyrocal.recording.session import Run
 from gyrocal.simulation.simulate import simulate
+from known import ON_Y
 
 
 @pytest.mark.slow
@@ -21,8 +22,8 @@ def test_an_offset_with_the_sign_of_the_direction_that_settles_is_no_misalignmen
         offset = 0.02 * np.sign(run.rate_dps.mean()) * np.exp(-elapsed_s(run) / 3.0)
         return replace(run, frame=run.table.with_columns(gy_dps=pl.Series(run.gyro_dps[:, 1] + offset)))
 
-    found = diagnose(plain.with_runs(map(wound_up, plain.runs)))
-    best = next(a for a in found.alternatives if a.axis == "y")
+    found = diagnose(plain.with_runs(map(wound_up, plain.runs)), ON_Y)
+    best = found.alternatives[0]
     assert best.found.effects == ()
     assert list(best.found.unnamed) == ["time"]
     assert not [c for c in found.candidates if c.decision == "add"]

@@ -28,7 +28,7 @@ def coverage() -> Any:
         pytest.param("table_ripple", "triple", ["amplitude_1"], marks=pytest.mark.wide),
         ("vibration_tone", "typical", ["A_dps", "f_hz"]),
         pytest.param("spin_up", "typical", ["A", "tau_s"], marks=pytest.mark.wide),
-        ("bias_temperature", "typical", ["k1_dps_per_c"]),
+        pytest.param("bias_temperature", "typical", ["k1_dps_per_c"], marks=pytest.mark.wide),
     ],
 )
 def test_intervals_cover_the_truth_as_often_as_they_say(coverage: Any, effect_id: str, size: str, names: list[str]) -> None:

@@ -16,6 +16,7 @@ from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import LONG, _ratio, likelihood_ratio
 from gyrocal.recording.session import Session
+from known import ON_Z
 from make_runs import make_run, make_session
 
 RATE_HZ, SECONDS, FLICKER_DPS, WHITE_DPS = 5.0, 1000.0, 0.005, 0.01
@@ -86,5 +87,5 @@ def test_between_few_power_cycles_the_chance_is_that_of_a_line_through_their_mea
 def test_noise_does_not_explain_an_error_because_it_is_large(kind: str, seed: int, effect_id: str, tmp_path: Path) -> None:
     """What the poorer model of two power cycles takes for drift is ten thousand times the noise beside the true cause."""
     _module("field").write(kind, seed, tmp_path / "s")
-    current = Current.of(measure(Session.open(tmp_path / "s"), None), "z")
+    current = Current.of(measure(Session.open(tmp_path / "s"), ON_Z), "z")
     assert judge(current, effect(effect_id)).chance < 1e-12

@@ -11,9 +11,9 @@ import pytest
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.comparison import Comparison
-from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from known import ON_Z
 
 pytestmark = pytest.mark.usefixtures("known_answers")
 
@@ -26,7 +26,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Comparison,
     session = Session.open(folder)
     planted = json.loads(folder.with_suffix(".truth.json").read_text())["runs"]
     transients = [next(e for e in run["effects"] if e["id"] == "spin_up") for run in planted]
-    return session, compare(session, Model.builtin("default").add("table_ripple").add("spin_up")), transients
+    return session, compare(session, ON_Z.add("table_ripple").add("spin_up")), transients
 
 
 def test_each_run_is_given_its_own_time_constant(told: tuple[Session, Comparison, list[dict[str, float]]]) -> None:
@@ -53,7 +53,7 @@ def test_one_time_constant_for_all_runs_stays_one(tmp_path: Path) -> None:
     """The sizes differ from run to run, the time constant does not."""
     folder = tmp_path / "session"
     simulate(folder, "full", ["spin_up:tau_s=3"], seed=3, seconds=30.0, parquet=True)
-    comparison = compare(Session.open(folder), Model.builtin("default").add("spin_up"))
+    comparison = compare(Session.open(folder), ON_Z.add("spin_up"))
     term = comparison.fit.model.term("spin_up", "z")
     assert term is not None
     assert not term.of_run

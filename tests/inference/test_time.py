@@ -19,6 +19,7 @@ from gyrocal.inference.noise_search import fit_noise
 from gyrocal.inference.timing import settle, started, with_timing
 from gyrocal.recording.session import Session
 from gyrocal.recording.timing import SYNCHRONOUS
+from known import ON_Z
 from make_runs import make_run, make_session
 from study import study
 
@@ -148,7 +149,7 @@ def test_a_calibration_by_a_model_with_a_delay_has_the_scale() -> None:
     ("name", "effect_id"), [("delay 100 ms", "lag"), pytest.param("clock 0.001", "clock_error", marks=pytest.mark.wide)]
 )
 def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: str) -> None:
-    found = diagnose(BENCHMARK.session(CELLS[name], 2))
+    found = diagnose(BENCHMARK.session(CELLS[name], 2), ON_Z)
     assert found.best is not None
     assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", effect_id, "z")
 
@@ -197,7 +198,7 @@ def test_a_delay_and_a_clock_that_cancel_within_the_runs_are_named_together(e: f
         gyro = rng.normal(0, 0.044, (t_s.size, 3))
         gyro[:, 2] += 1.004 * late + 0.1 + rng.normal(0, 0.005)
         runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=reference))
-    found = diagnose(make_session(*runs))
+    found = diagnose(make_session(*runs), ON_Z)
     assert found.verdict == "add"
     named = {c.effect.id: c for c in found.candidates if c.decision == "add"}
     assert set(named) == {"clock_error", "lag"} == set(named["lag"].together)

@@ -76,7 +76,7 @@ def test_five_runs_show_a_walk_that_a_drift_explains_by_chance() -> None:
 
 def test_the_likelihood_beside_a_walk_is_that_of_the_whole_covariance() -> None:
     """Against SciPy's density of all block means, the shared parameters by generalised least squares."""
-    found = fit(session(0, walk=2e-3, runs=6), Model.builtin("default"), axes="z").axes["z"]
+    found = fit(session(0, walk=2e-3, runs=5), Model.builtin("default"), axes="z").axes["z"]
     design, noise, walks = found.design, found.noise, Walks.of(found.design)
     assert walks is not None
     at, step_dps = _Offsets.of(walks, found, noise), 0.02

@@ -22,6 +22,7 @@ from gyrocal.plausibility.header import CODES
 from gyrocal.present.report import headline, level_rows, verdict_text
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, simulate
+from known import ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("known_answers")
@@ -136,7 +137,7 @@ def test_a_blocked_axis_is_marked_where_its_figures_stand() -> None:
 
 
 def test_times_in_milliseconds_leave_nothing_adequate_in_words() -> None:
-    slow = diagnose(everywhere(sound(), lambda r: changed(r, t_s=r.t_s * 1e3)))
+    slow = diagnose(everywhere(sound(), lambda r: changed(r, t_s=r.t_s * 1e3)), ON_Z)
     (told,) = slow.comparison.warnings
     assert told.text.startswith("Is t_s in ms?")
     assert told.text.count("onvert it to seconds") == 1
