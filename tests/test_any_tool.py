@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from answers import check
+from edge.drawn import Draw
 from gyrocal import benchmark
 from gyrocal.cli import main
 
@@ -46,7 +48,11 @@ def test_a_correction_is_held_against_the_planted_error(any_tool: Any) -> None:
     assert any_tool.left_over(any_tool.Told(), runs) is None
 
 
-def test_names_sizes_and_failures_are_counted_on_the_edge_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_sizes_and_failures_are_counted_on_the_edge_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both tools are given the same cases, each drawn once."""
+    monkeypatch.setattr(Draw, "case", cache(Draw.case))
     names = "def answer(session):\n    return {'names': [['bias_jumps', 'x'], ['bias_jumps', 'y']], 'sizes': {'nothing': 1}}\n"
     found = graded(capsys, "edge", "--tool", tool(tmp_path, names), "--stop", "3")
     assert (found["cases"], found["failed"], found["names"]["sure"]) == (3, [], 6)

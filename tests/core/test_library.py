@@ -91,13 +91,17 @@ def test_without_a_compiler_of_the_system_that_of_a_package_serves(
 
 
 @pytest.mark.slow
-def test_another_compiler_is_another_build(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_compiler_is_another_build(
+    require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     clang = require_tool("clang")
     monkeypatch.setattr(library, "FLAGS", (*library.FLAGS, NOT_OPTIMISED))
-    by_cc = library.build_core()
+    (tmp_path / "more.h").write_text("#define MORE 0\n")
+    answer = [source(tmp_path, 1)], [tmp_path], library.SHARED
+    by_cc = library.build("answer", *answer)
     monkeypatch.setenv("CC", clang)
     library.compiler.cache_clear()
-    assert library.build_core() != by_cc
+    assert library.build("answer", *answer) != by_cc
     assert library.Core().exp(1.0) == np.float32(np.e)
 
 

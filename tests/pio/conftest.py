@@ -13,6 +13,8 @@ import pytest
 
 HERE = Path(__file__).parent
 REPOSITORY = HERE.parents[1]
+NOT_OPTIMISED = "-O0"
+"""Comes behind a project's own flags, where a test asks whether it builds."""
 
 SCONS = """\
 import sys
@@ -66,7 +68,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def pio(core_dir: Path, workspace: Path) -> Pio:
-    """`pio("run", "-e", "native", cwd=DIR)`"""
+    """`pio("run", "-e", "native", cwd=DIR)`, with further variables of the environment"""
     settings = {
         "PLATFORMIO_CORE_DIR": str(core_dir),
         "PLATFORMIO_WORKSPACE_DIR": str(workspace),
@@ -74,9 +76,9 @@ def pio(core_dir: Path, workspace: Path) -> Pio:
         "PLATFORMIO_SETTING_CHECK_PLATFORMIO_INTERVAL": "10000",
     }
 
-    def run(*arguments: str, cwd: Path = REPOSITORY) -> subprocess.CompletedProcess[str]:
+    def run(*arguments: str, cwd: Path = REPOSITORY, **more: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "platformio", *arguments]
-        environment = {**os.environ, **settings}
+        environment = {**os.environ, **settings, **more}
         return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300)
 
     return run

@@ -16,7 +16,7 @@ from gyrocal.core.firmware_project import create
 from gyrocal.errors import InputError
 from gyrocal_firmware import INCLUDE, ROOT
 
-from .conftest import REPOSITORY, Pio
+from .conftest import NOT_OPTIMISED, REPOSITORY, Pio
 
 MODEL = """
 format = "gyrocal-model/1"
@@ -51,7 +51,7 @@ def test_it_lints_builds_and_holds_the_model(
     model.write_text(MODEL)
     assert main(["firmware", str(project), "--model", str(model)]) == 0
     assert pio("project", "config", "--lint", cwd=project).returncode == 0
-    done = pio("run", "-e", "native", cwd=project)
+    done = pio("run", "-e", "native", cwd=project, PLATFORMIO_BUILD_FLAGS=NOT_OPTIMISED)
     assert done.returncode == 0, done.stdout + done.stderr
     program = workspace / "build" / "native" / "program"
     assert "cal=rippling," in replay(program)

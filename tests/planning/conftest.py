@@ -6,6 +6,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
+from gyrocal.planning.plan import Plan, plan
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
@@ -33,3 +34,10 @@ def diagnosed_once(diagnosis: Diagnosis, monkeypatch: pytest.MonkeyPatch) -> Dia
     """Plans of this session take its one diagnosis."""
     monkeypatch.setattr("gyrocal.planning.plan.diagnose", lambda *_, **__: diagnosis)
     return diagnosis
+
+
+@pytest.fixture(scope="session")
+def of_four_minutes(ambiguous: Session, diagnosis: Diagnosis) -> Plan:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gyrocal.planning.plan.diagnose", lambda *_, **__: diagnosis)
+        return plan(ambiguous, minutes=4.0)

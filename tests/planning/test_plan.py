@@ -25,10 +25,9 @@ def seconds_of(found: Plan) -> float:
     return sum(run.seconds for run in found.runs)
 
 
-@pytest.mark.usefixtures("diagnosed_once")
-def test_the_question_is_the_one_that_the_session_leaves_open(ambiguous: Session, diagnosis: Diagnosis) -> None:
+def test_the_question_is_the_one_that_the_session_leaves_open(of_four_minutes: Plan, diagnosis: Diagnosis) -> None:
     assert diagnosis.best is not None
-    found = plan(ambiguous, minutes=5.0)
+    found = of_four_minutes
     assert found.question.kind == "tell_apart"
     assert found.question.effects == diagnosis.best.group
     assert found.question.axis == "z"
@@ -36,13 +35,15 @@ def test_the_question_is_the_one_that_the_session_leaves_open(ambiguous: Session
 
 
 @pytest.mark.usefixtures("diagnosed_once")
-def test_power_grows_with_the_minutes_towards_one_and_never_falls_below_the_same_again(ambiguous: Session) -> None:
-    found = [plan(ambiguous, minutes=minutes) for minutes in (3.0, 10.0, 40.0)]
+def test_power_grows_with_the_minutes_towards_one_and_never_falls_below_the_same_again(
+    ambiguous: Session, of_four_minutes: Plan
+) -> None:
+    found = [of_four_minutes, *(plan(ambiguous, minutes=minutes) for minutes in (10.0, 40.0))]
     powers = [p.power for p in found]
     assert powers == sorted(powers)
     assert powers[0] < 0.9
     assert powers[-1] > 0.97
-    for p, minutes in zip(found, (3.0, 10.0, 40.0), strict=True):
+    for p, minutes in zip(found, (4.0, 10.0, 40.0), strict=True):
         assert p.power >= p.power_same_again
         assert seconds_of(p) <= 60 * minutes + 1e-6
         assert p.minutes == pytest.approx(seconds_of(p) / 60, abs=1e-3)
@@ -57,8 +58,8 @@ def test_a_question_is_symmetric(ambiguous: Session) -> None:
 
 
 @pytest.mark.usefixtures("diagnosed_once")
-def test_a_chamber_separates_temperature_from_what_goes_with_time(ambiguous: Session) -> None:
-    without = plan(ambiguous, minutes=4.0)
+def test_a_chamber_separates_temperature_from_what_goes_with_time(ambiguous: Session, of_four_minutes: Plan) -> None:
+    without = of_four_minutes
     chamber = plan(ambiguous, minutes=4.0, chamber_c=(5.0, 45.0))
     assert chamber.power > without.power + 0.2
     assert {run.temp_c for run in without.runs} == {None}
