@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -40,9 +41,9 @@ class Served:
     process: subprocess.Popen[str] = field(repr=False)
 
 
-@pytest.fixture(scope="module")
-def serve() -> Iterator[Callable[..., Served]]:
-    """`serve(folder, *arguments)` starts `gyrocal workbench` there; all end with the module."""
+@contextmanager
+def serving() -> Iterator[Callable[..., Served]]:
+    """What starts `gyrocal workbench` in a folder, with arguments. All end with the context, and none has complained."""
     started: list[subprocess.Popen[str]] = []
 
     def start(folder: Path, *arguments: str) -> Served:
@@ -71,6 +72,23 @@ def serve() -> Iterator[Callable[..., Served]]:
         assert "(most recent call last)" not in problems, problems
 
 
+@pytest.fixture(scope="module")
+def serve() -> Iterator[Callable[..., Served]]:
+    """`serve(folder, *arguments)` starts a workbench of its own for a module."""
+    with serving() as start:
+        yield start
+
+
+@pytest.fixture(scope="session")
+def workbench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """One workbench for many modules: its start, its worker's and the browser's first page take ten seconds together.
+
+    Each module puts its sessions into the folder, under names that no other module gives, and opens them by their address.
+    """
+    with serving() as start:
+        yield start(tmp_path_factory.mktemp("workbench"))
+
+
 @pytest.fixture(scope="session")
 def chromium(require_tool: Callable[[str], str], require_module: Callable[[str], None]) -> Iterator[Any]:
     path = require_tool("chromium")
@@ -83,20 +101,39 @@ def chromium(require_tool: Callable[[str], str], require_module: Callable[[str],
         browser.close()
 
 
+STILL: dict[str, Any] = {"reduced_motion": "reduce", "viewport": {"width": 1280, "height": 720}}
+
+
+@pytest.fixture(scope="session")
+def visitor(chromium: Any) -> Iterator[Any]:
+    """The browser context of all pages. What one of them has fetched and compiled, the next ones have: half of their time.
+
+    The browser keeps it as long as a page of the context is open, which the first one is.
+    """
+    context = chromium.new_context(**STILL)
+    context.new_page()
+    yield context
+    context.close()
+
+
 @pytest.fixture
-def look(chromium: Any) -> Iterator[Callable[..., Any]]:
+def look(chromium: Any, visitor: Any) -> Iterator[Callable[..., Any]]:
     """`look(url)` opens a page; at the end none has asked another host for anything, nor complained.
 
-    Nothing moves unless ``reduced_motion="no-preference"``: each frame of a motion is drawn by the processor.
+    Nothing moves unless ``reduced_motion="no-preference"``: each frame of a motion is drawn by the processor. A page with other
+    options than of media has a context of its own. The cookies of the others go with the test.
     """
     complaints: list[str] = []
     contexts = []
 
     def open_page(url: str, **options: Any) -> Any:
-        still = {"reduced_motion": "reduce", "viewport": {"width": 1280, "height": 720}}
-        context = chromium.new_context(**still | options)
-        contexts.append(context)
+        context = visitor
+        if not options.keys() <= {"color_scheme", "reduced_motion"}:
+            context = chromium.new_context(**STILL | options)
+            contexts.append(context)
         page = context.new_page()
+        if context is visitor:
+            page.emulate_media(**options)
         page.set_default_timeout(1e3 * patience_s())
         page.wait_for_function = partial(page.wait_for_function, polling=LOOK_MS)
         host = urlsplit(url).netloc
@@ -114,4 +151,7 @@ def look(chromium: Any) -> Iterator[Callable[..., Any]]:
     yield open_page
     for context in contexts:
         context.close()
+    for page in visitor.pages[1:]:
+        page.close()
+    visitor.clear_cookies()
     assert not complaints, complaints

@@ -32,15 +32,14 @@ SMALL = """() => [...document.querySelectorAll('button, summary, a, [role=button
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    folder = tmp_path_factory.mktemp("access")
-    simulate(folder / "s", "paper", ["table_ripple"], 3, scenarios=3, seconds=8)
-    return serve(folder, "s")
+def served(workbench: Any, chromium: Any) -> Any:
+    simulate(workbench.folder / "access", "paper", ["table_ripple"], 3, scenarios=3, seconds=8)
+    return workbench
 
 
 def settled(page: Any, url: str, name: str) -> None:
     """Open a page and wait until no job runs and nothing moves."""
-    page.goto(f"{url}{name}")
+    page.goto(f"{url}{name}?session=access")
     page.locator(".content h1").wait_for(state="attached")
     if name in ("compare", "diagnose", "calibrate"):
         page.locator(".figure b, article, table.plain td, .content button").first.wait_for()
@@ -61,7 +60,7 @@ def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
     served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str
 ) -> None:
     require_module("axe_playwright_python")
-    page, source = look(served.url, color_scheme=scheme), axe()
+    page, source = look(f"{served.url}start", color_scheme=scheme), axe()
     for name in PAGES:
         settled(page, served.url, name)
         assert page.evaluate("document.documentElement.lang") == "en-US"
@@ -98,7 +97,7 @@ COLLIDING = """() => [...document.querySelectorAll('.nicegui-echart')].filter(e 
 
 
 def test_a_phone_scrolls_down_alone_cuts_nothing_off_and_its_ticks_stand_apart(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url)
+    page = look(f"{served.url}start")
     page.set_viewport_size({"width": 390, "height": 844})
     for name in PAGES:
         settled(page, served.url, name)
@@ -112,7 +111,7 @@ def test_a_phone_scrolls_down_alone_cuts_nothing_off_and_its_ticks_stand_apart(s
 
 def test_a_long_command_and_a_wide_table_stay_on_a_phone(served: Any, look: Callable[..., Any]) -> None:
     """A path has no spaces to break it at, and only some tables could be scrolled."""
-    page = look(served.url)
+    page = look(f"{served.url}start")
     page.set_viewport_size({"width": 390, "height": 844})
     settled(page, served.url, "calibrate")
     put = """() => {
@@ -130,7 +129,7 @@ def test_a_long_command_and_a_wide_table_stay_on_a_phone(served: Any, look: Call
 
 def test_few_stops_of_the_tab_key_lead_to_the_plot(served: Any, look: Callable[..., Any]) -> None:
     """Each run and each view was a stop: 42 came before the plot."""
-    page = look(served.url)
+    page = look(f"{served.url}start")
     settled(page, served.url, "compare")
     page.keyboard.press("Tab")
     skip = page.get_by_role("button", name="Skip to the plot")
@@ -153,7 +152,7 @@ def test_few_stops_of_the_tab_key_lead_to_the_plot(served: Any, look: Callable[.
 
 
 def test_what_has_the_focus_has_one_ring(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url)
+    page = look(f"{served.url}start")
     settled(page, served.url, "diagnose")
     page.get_by_role("textbox", name="name of a new branch").focus()
     page.keyboard.press("a")
@@ -164,7 +163,7 @@ def test_what_has_the_focus_has_one_ring(served: Any, look: Callable[..., Any]) 
 
 
 def test_dark_is_kept_for_the_next_visit(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url, color_scheme="light")
+    page = look(f"{served.url}start", color_scheme="light")
     dark = "document.body.classList.contains('body--dark')"
     for expected in (True, False):
         settled(page, served.url, "start")
@@ -182,17 +181,6 @@ def test_reduced_motion_stands_still(served: Any, look: Callable[..., Any]) -> N
     assert page.evaluate(moving) == 0
 
 
-def test_the_bars_are_in_sight_beside_the_picture(served: Any, look: Callable[..., Any]) -> None:
-    """They stood below the large picture of the effect, and at 1280x800 their lower half was out of sight."""
-    page = look(served.url)
-    page.set_viewport_size({"width": 1280, "height": 800})
-    settled(page, served.url, "diagnose")
-    page.get_by_role("button", name="Find what is missing").click()
-    page.locator(".hero-picture canvas").wait_for()
-    box = page.locator('[aria-label^="excess error, mdps:"]').bounding_box()
-    assert box["y"] + box["height"] <= 500  # with another line of effects and the parameters above them, still in sight
-
-
 def test_a_choice_of_dark_outlives_an_answer_that_was_on_its_way(served: Any, look: Callable[..., Any]) -> None:
     """The page asks a new tab which mode it is in; who chose dark meanwhile got dark with light charts."""
     page = look(f"{served.url}start", color_scheme="light")
@@ -204,7 +192,7 @@ def test_a_choice_of_dark_outlives_an_answer_that_was_on_its_way(served: Any, lo
             return new Promise(answer => setTimeout(() => { window.answered = true; answer(false); }, 3000));
         };
     """)
-    page.goto(f"{served.url}compare")
+    page.goto(f"{served.url}compare?session=access")
     page.get_by_role("button", name="light or dark").click()
     chart = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
     color = f"() => {chart}.getOption().title[0].textStyle.color"

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.diagnosis.answer.add import add
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.levels import explained
+from gyrocal.error_model.model import Model
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.worker.beside_named import as_shown
+from known import add_measured
+
+pytestmark = pytest.mark.usefixtures("known_answers")
 
 
 def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:
@@ -24,7 +27,7 @@ def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:
     own = {c.effect.id: c.explained for c in found.candidates if c.axis == "z" and c.decision == "add"}
     assert {"g_sensitivity", "scale_asymmetry"} <= by_id.keys()
     assert own["g_sensitivity"] > 0.95
-    made = add(session, "default", "g_sensitivity")
+    made = add_measured(session, Model.builtin("default"), "g_sensitivity")
     part = explained(made.before.per_axis["z"], made.after.per_axis["z"], made.after.cycles)
     assert by_id["g_sensitivity"].explained < 0.9
     assert by_id["g_sensitivity"].explained + by_id["scale_asymmetry"].explained == pytest.approx(1.0, abs=0.15)

@@ -22,11 +22,10 @@ CHART = "getElement(Number(document.querySelector('%s .nicegui-echart').id.slice
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    folder = tmp_path_factory.mktemp("charts")
-    simulate(folder / "table", "paper", ["table_ripple"], 3, scenarios=3, seconds=10)
-    simulate(folder / "hand", "hands", [], 3)
-    return serve(folder)
+def served(workbench: Any, chromium: Any) -> Any:
+    simulate(workbench.folder / "charts", "paper", ["table_ripple"], 3, scenarios=3, seconds=10)
+    simulate(workbench.folder / "charts-by-hand", "hands", [], 3)
+    return workbench
 
 
 def able(page: Any, least: int) -> None:
@@ -49,13 +48,16 @@ def downloaded(place: Any, page: Any, name: str) -> bytes:
 
 
 def test_every_chart_of_a_session_has_all_its_tools(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}compare?session=table")
+    page = look(f"{served.url}compare?session=charts")
     page.locator(".figure b").first.wait_for()
     able(page, 1)
     page.goto(f"{served.url}diagnose")
     page.get_by_role("button", name="Find what is missing").click()
     page.locator("article.add").first.wait_for()
     able(page, 3)
+    page.set_viewport_size({"width": 1280, "height": 800})
+    box = page.locator('[aria-label^="excess error, mdps:"]').bounding_box()
+    assert box["y"] + box["height"] <= 500  # beside the picture; with another line of effects above it, still in sight
     for place, unit, least in ((".hero-picture", "mdps", 20), (".drawn:nth-of-type(3)", "mdps", 1)):
         rows = list(csv.DictReader(downloaded(page.locator(place), page, "save as CSV").decode().splitlines()))
         assert len(rows) >= least
@@ -73,7 +75,7 @@ def test_every_chart_of_a_session_has_all_its_tools(served: Any, look: Callable[
 
 
 def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}compare?session=hand")
+    page = look(f"{served.url}compare?session=charts-by-hand")
     page.locator(".figure b").first.wait_for()
     able(page, 1)
     strips = CHART % ".content"
@@ -98,7 +100,7 @@ def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: A
 
 def test_ticks_are_plain_numbers(served: Any, look: Callable[..., Any]) -> None:
     """No tick shows the digits that a division has produced."""
-    page = look(f"{served.url}compare?session=table")
+    page = look(f"{served.url}compare?session=charts")
     page.locator(".figure b").first.wait_for()
     words = "getModel().getComponent('%s', 0).axis.getViewLabels().map(l => l.formattedLabel)"
     for view in ("Timeline", "Table angle", "Spectrum", "Orders", "Allan"):

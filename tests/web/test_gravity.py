@@ -25,16 +25,16 @@ LISTS = ("Rests", "Movements between them")
 
 
 def test_rests_and_comparison_are_those_of_the_command_line(
-    serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path
+    workbench: Any, look: Callable[..., Any], chromium: Any
 ) -> None:
-    simulate(tmp_path / "hand", "hands", [], 3)
-    simulate(tmp_path / "short", "paper", [], 3, scenarios=1, seconds=2)
+    folder: Path = workbench.folder
+    simulate(folder / "hand", "hands", [], 3)
+    simulate(folder / "turned", "paper", [], 3, scenarios=1, seconds=2)
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        assert main(["compare", str(tmp_path / "hand"), "--json"]) == 0
+        assert main(["compare", str(folder / "hand"), "--json"]) == 0
     compared = json.loads(out.getvalue())
-    served = serve(tmp_path, "hand")
-    page = look(served.url)
+    page = look(f"{workbench.url}compare?session=hand")
     page.locator(".figure b").first.wait_for()
     assert page.locator(".session-name").inner_text() == "hand"
     shown = page.locator(".figure b").all_inner_texts()
@@ -47,7 +47,7 @@ def test_rests_and_comparison_are_those_of_the_command_line(
         assert listed.evaluate("e => e.scrollHeight <= e.clientHeight")  # all of them are on the page
     moved = page.locator("[aria-label='Movements between them']")
     told = [" ".join(name.split()) for name in moved.locator("th").all_inner_texts()]
-    rows = residual_table(compare(Session.open(tmp_path / "hand"))).rows(named=True)
+    rows = residual_table(compare(Session.open(folder / "hand"))).rows(named=True)
     columns = {
         "until, s": "t_s", "turned by accelerometer, deg": "measured_deg", "by gyroscope with model, deg": "modelled_deg",
         "angle between both, deg": "residual_deg",
@@ -68,8 +68,8 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     assert all(page.locator(f"[aria-label='{title}']").bounding_box()["height"] < 0.62 * 844 for title in LISTS)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
-    page.goto(f"{served.url}compare?session=short")
-    page.locator(".session-name", has_text="short").wait_for()
+    page.goto(f"{workbench.url}compare?session=turned")
+    page.locator(".session-name", has_text="turned").wait_for()
     page.get_by_text("not known: nothing could be left out of the fit").wait_for()
     assert "±" not in page.locator("[aria-label=verdict]").inner_text()  # nothing is known, with no error of it either
     assert page.locator(".figure b").all_inner_texts()[0] == UNKNOWN
@@ -78,30 +78,31 @@ def test_rests_and_comparison_are_those_of_the_command_line(
 
 
 def test_a_session_of_turns_of_known_angle_is_shown_whole(
-    serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path
+    workbench: Any, look: Callable[..., Any], chromium: Any
 ) -> None:
     """The page ended after the findings: figures, strip and chart of a session that is judged by angle were absent."""
+    folder: Path = workbench.folder
     rng = np.random.default_rng(5)
     t_s = np.arange(600) / 100
-    (tmp_path / "turns").mkdir()
+    (folder / "turns").mkdir()
     runs = []
     for i in range(24):
         axis, turn_deg = "zx"[i // 2 % 2], 90.0 * (1 if i % 2 else -1)
         rate_dps = 1.01 * turn_deg / 4.0 * ((t_s >= 1) & (t_s < 5)) + 0.3
         part = {"x": float(axis == "x"), "y": 0.0, "z": 1.0 if axis == "z" else 0.05}  # z sees a part of turns about x
         table = {f"g{a}_dps": rng.normal(0, 0.05, t_s.size) + part[a] * rate_dps for a in "xyz"}
-        pl.DataFrame({"t_s": t_s} | table).write_csv(tmp_path / "turns" / f"{i:02d}.csv")
+        pl.DataFrame({"t_s": t_s} | table).write_csv(folder / "turns" / f"{i:02d}.csv")
         known = f'scenario = "s{i // 8}", face = "up", axis = "{axis}", turn_deg = {turn_deg}'
         runs.append(f'    {{ file = "{i:02d}.csv", {known} }},')
     head = 'format = "gyrocal-session/1"\naxis = "z"\nsample_rate_hz = 100.0\nrun = [\n'
-    (tmp_path / "turns" / "session.toml").write_text(head + "\n".join(runs) + "\n]\n")
+    (folder / "turns" / "session.toml").write_text(head + "\n".join(runs) + "\n]\n")
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        main(["compare", str(tmp_path / "turns"), "--json"])
+        main(["compare", str(folder / "turns"), "--json"])
     compared = json.loads(out.getvalue())
     assert compared["residual"] == "angle"
     assert compared["where"], "without a finding the fault does not show"
-    page = look(serve(tmp_path, "turns").url)
+    page = look(f"{workbench.url}compare?session=turns")
     page.locator(".figure b").first.wait_for()
     told = plus_minus(compared["rms_deg"], compared["excess_se_deg"]).split(" ± ")[0]
     assert page.locator(".figure b").first.inner_text() == told

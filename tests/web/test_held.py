@@ -13,14 +13,13 @@ from gyrocal.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
-    folder = tmp_path_factory.mktemp("held")
-    simulate(folder / "warm", "paper", ["warmup:A_dps=0.3,tau_s=20"], 3, scenarios=2, seconds=15.0)
-    return serve(folder, "warm")
+def served(workbench: Any, chromium: Any) -> Any:
+    simulate(workbench.folder / "warm", "paper", ["warmup:A_dps=0.3,tau_s=20"], 3, scenarios=2, seconds=15.0)
+    return workbench
 
 
 def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}diagnose")
+    page = look(f"{served.url}diagnose?session=warm")
     page.get_by_role("combobox", name="effect").click()
     page.get_by_role("option", name="Warm", exact=False).first.click()
     page.get_by_role("button", name="Try it").click()
@@ -46,7 +45,7 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
 
 def test_a_refusal_stands_beside_the_field_and_typing_filters(served: Any, look: Callable[..., Any]) -> None:
     """It named the effect by its id in a toast that lay over the field, and the list had to be scrolled."""
-    page = look(f"{served.url}diagnose")
+    page = look(f"{served.url}diagnose?session=warm")
     field = page.get_by_role("combobox", name="effect")
     field.click()
     page.get_by_role("option").nth(5).wait_for()
@@ -68,7 +67,7 @@ def test_a_refusal_stands_beside_the_field_and_typing_filters(served: Any, look:
 def test_every_effect_of_the_library_is_offered(served: Any, look: Callable[..., Any]) -> None:
     from gyrocal.effects.base import effects
 
-    page = look(f"{served.url}diagnose")
+    page = look(f"{served.url}diagnose?session=warm")
     page.get_by_role("combobox", name="effect").click()
     listed = page.locator(".q-menu [role=option]")
     listed.first.wait_for()

@@ -63,10 +63,9 @@ def test_a_log_by_hand_becomes_a_session_by_gravity(tmp_path: Path) -> None:
 
 
 def test_the_wizard_writes_the_session_that_was_shown(
-    foreign: Path, serve: Callable[..., Any], look: Callable[..., Any], chromium: Any
+    foreign: Path, workbench: Any, look: Callable[..., Any], chromium: Any
 ) -> None:
-    served = serve(foreign)
-    page = look(f"{served.url}import")
+    page = look(f"{workbench.url}import")
     page.locator("input[type=file]").first.set_input_files(foreign / "table.csv")
     becomes = page.locator("[aria-label='what it would become']")
     becomes.get_by_text("gyr_z:rad/s").wait_for()
@@ -86,14 +85,14 @@ def test_the_wizard_writes_the_session_that_was_shown(
     assert set(columns) == {"gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g"}
     rates = page.evaluate(f"{CHART % '.content'}.getOption().series.find(s => s.name === 'gz_dps').data.map(p => p[1])")
     assert all(abs(rate - RATE_DPS - 0.5) < 5.0 for rate in rates if rate is not None)  # rad/s became deg/s
-    assert not (foreign / "table").exists()
+    assert not (workbench.folder / "table").exists()
     becomes.get_by_role("button", name="Import and open").click()
     page.locator(".session-name", has_text="table").wait_for()
     page.locator(".figure b").first.wait_for()
-    run = Session.open(foreign / "table").runs[0]
+    run = Session.open(workbench.folder / "table").runs[0]
     assert abs(run.gyro_dps[:, 2].mean() - (RATE_DPS + 0.5)) < 0.01
     assert abs(run.column("az_g").mean() - 9.81 / 9.80665) < 1e-3
-    page.goto(f"{served.url}import")
+    page.goto(f"{workbench.url}import")
     page.locator("input[type=file]").first.set_input_files(foreign / "rates.csv")
     runs = page.get_by_role("group", name="runs of the file")
     runs.get_by_text("These 2 stretches can be its runs").wait_for()

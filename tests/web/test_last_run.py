@@ -20,13 +20,13 @@ def begins_apart(run: Run) -> Run:
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
-    folder: Path = tmp_path_factory.mktemp("last")
-    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=20.0)
+def served(workbench: Any, chromium: Any) -> Any:
+    folder: Path = workbench.folder
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=8.0)
     first, second = session.runs[:2]
     session.with_runs([begins_apart(first)]).save(folder / "single")
     session.with_runs([first, begins_apart(second)]).save(folder / "pair")
-    return serve(folder)
+    return workbench
 
 
 def test_a_session_of_one_run_keeps_it(served: Any, look: Callable[..., Any]) -> None:

@@ -15,21 +15,14 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.web.pictures.charts import DARK, ICONS
 
 CHART = "getElement(Number(document.querySelector('%s .nicegui-echart').id.slice(1))).chart"
-MOVING = {"reduced_motion": "no-preference"}
 PLOT, HERO = CHART % ".over:not(.hero-picture)", CHART % ".hero-picture"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("pictures")
-    simulate(folder / "ripple", "paper", ["table_ripple"], 3, scenarios=2, seconds=15.0)
-    simulate(folder / "tone", "paper", ["vibration_tone:f_hz=11.83,A_dps=0.05"], 3, scenarios=2, seconds=10.0)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], folder: Path, chromium: Any) -> Any:
-    return serve(folder)
+def served(workbench: Any, chromium: Any) -> Any:
+    simulate(workbench.folder / "ripple", "paper", ["table_ripple"], 3, scenarios=2, seconds=15.0)
+    simulate(workbench.folder / "tone", "paper", ["vibration_tone:f_hz=11.83,A_dps=0.05"], 3, scenarios=2, seconds=10.0)
+    return workbench
 
 
 def downloaded(page: Any, name: str) -> bytes:
@@ -96,14 +89,13 @@ COPIED = """async () => {
 
 @pytest.mark.slow
 def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}diagnose?session=ripple", **MOVING, permissions=["clipboard-read", "clipboard-write"])
+    page = look(f"{served.url}diagnose?session=ripple", permissions=["clipboard-read", "clipboard-write"])
     page.get_by_role("button", name="Find what is missing").click()
     card = page.locator("article.add", has_text="Ripple of the table's speed")
     card.wait_for()
     points = f"{HERO}.getOption().series[1].data.map(p => p[1])"
     page.wait_for_function(f"() => {HERO}.getOption().series.length >= 3")
     before = page.evaluate(points)
-    assert page.evaluate(f"{HERO}.getOption().animation") is True
     assert max(before) - min(before) > 150  # mdps, of the planted 124
     card.get_by_role("button", name="Add to the model").click()
     page.get_by_text("The model is adequate: what is left over is noise.").wait_for()
@@ -122,10 +114,48 @@ def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callab
     assert max(plain) < 10
 
 
-def test_without_motion_nothing_moves(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}diagnose?session=ripple")
+NAMES = ["plain average", "network", "model at first", "model now"]
+TEXTS = """chart => {
+    const drawn = chart.getZr().storage.getDisplayList().filter(e => e.style && e.style.text && !e.ignore && !e.invisible);
+    return drawn.map(e => {
+        const box = e.getBoundingRect().clone(), moved = e.getComputedTransform();
+        if (moved) box.applyTransform(moved);
+        const clip = e.getClipPath && e.getClipPath() || (e.__clipPaths || [])[0];
+        return {text: e.style.text, left: box.x, right: box.x + box.width, top: box.y, bottom: box.y + box.height, cut: !!clip};
+    });
+}"""
+ERRORS = "[aria-label='calibration error against seconds']"
+
+
+def test_a_phone_shows_every_name_of_the_calibration_error(served: Any, look: Callable[..., Any]) -> None:
+    """Four names scrolled in one line, and the last could be read only by pressing an arrow."""
+    page = look(f"{served.url}diagnose?session=fits")
+    page.set_viewport_size({"width": 390, "height": 844})
+    chart = page.locator(ERRORS)
+    chart.wait_for()
+    page.get_by_text("in the model now").first.wait_for()
+    page.locator(".job").wait_for(state="hidden")
+    look_up = f"(() => getElement(document.querySelector({ERRORS!r}).id.slice(1)).chart)()"
+    page.wait_for_function(f"({TEXTS})({look_up}).some(e => e.text === 'model now')")
+    page.wait_for_function(f"{look_up}.getWidth() < 390")
+    page.wait_for_timeout(500)
+    drawn = page.evaluate(f"({TEXTS})({look_up})")
+    width = page.evaluate(f"{look_up}.getWidth()")
+    names = [e for e in drawn if e["text"] in NAMES]
+    assert sorted(e["text"] for e in names) == sorted(NAMES)
+    for name in names:
+        assert name["left"] >= 0
+        assert name["right"] <= width
+        assert not name["cut"]
+    others = [e for e in drawn if e["text"] not in NAMES]
+    assert all(max(e["bottom"] for e in names) <= e["top"] + 2 for e in others), drawn
+
+
+@pytest.mark.parametrize(("wanted", "moves"), [("no-preference", True), ("reduce", False)])
+def test_without_motion_nothing_moves(served: Any, look: Callable[..., Any], wanted: str, moves: bool) -> None:
+    page = look(f"{served.url}diagnose?session=ripple", reduced_motion=wanted)
     page.wait_for_function(f"() => {HERO}.getOption().series.length >= 3")
-    assert page.evaluate(f"{HERO}.getOption().animation") is False
+    assert page.evaluate(f"{HERO}.getOption().animation") is moves
 
 
 def test_in_the_dark_the_picture_is_drawn_too(served: Any, look: Callable[..., Any]) -> None:
@@ -206,10 +236,11 @@ def test_the_address_holds_session_and_page(served: Any, look: Callable[..., Any
 
 
 def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(
-    serve: Callable[..., Any], served: Any, folder: Path, look: Callable[..., Any]
+    serve: Callable[..., Any], served: Any, look: Callable[..., Any]
 ) -> None:
-    """A tone of the angle is tried where a ripple is; it is marked as unproven, now, in another model and after a restart."""
-    page = look(f"{served.url}diagnose?session=ripple")
+    """A drift is tried where a ripple is; it is marked as unproven, now, in another model and after a restart."""
+    simulate(served.folder / "short", "paper", ["table_ripple"], 3, scenarios=2, seconds=5.0)
+    page = look(f"{served.url}diagnose?session=short")
     page.get_by_role("textbox", name="name of a new branch").fill("by hand")
     page.get_by_role("button", name="Branch").click()
     page.get_by_role("button", name="by hand", pressed=True).wait_for()
@@ -231,10 +262,10 @@ def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(
     page.locator(".badge.bad", has_text="not proven").first.wait_for()
     page.get_by_role("button", name="Compare").click()
     leaves_a_run_out_by_keyboard(page)
-    kept = json.loads((folder / "ripple/workbench.json").read_text())
+    kept = json.loads((served.folder / "short/workbench.json").read_text())
     assert kept["excluded"] == ["000_up.csv"]
     assert kept["current"] == "by hand"
-    again = look(f"{serve(folder).url}diagnose?session=ripple")
+    again = look(f"{serve(served.folder).url}diagnose?session=short")
     again.locator(".badge.bad", has_text="not proven").first.wait_for()
     again.get_by_role("button", name="by hand", pressed=True).wait_for()
     again.get_by_role("button", name="Compare").click()

@@ -43,7 +43,7 @@ from .loop import finish
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
-    simulate(folder / "hidden", "paper", ["table_ripple"], 3, scenarios=3, seconds=20)
+    simulate(folder / "hidden", "paper", ["table_ripple"], 3, scenarios=3, seconds=10)
     return folder
 
 
@@ -246,7 +246,7 @@ def test_it_lists_correlations_or_says_that_there_are_none(reports: tuple[str, s
 
 def test_it_says_what_was_measured(reports: tuple[str, str], folder: Path) -> None:
     told = words(reports[1])
-    for fact in ("LSM6DSO (simulated)", "6 in 3 power cycles, 120 s", "made on", "145 samples a second", "°C"):
+    for fact in ("LSM6DSO (simulated)", "6 in 3 power cycles, 60 s", "made on", "145 samples a second", "°C"):
         assert fact in told
     files = re.findall(r'<td class="text">(\d+_\w+\.csv)</td><td class="text">s00', reports[1])
     assert files == sorted(f.name for f in (folder / "hidden").glob("*.csv"))

@@ -40,6 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def served(serve: Callable[..., Any], folder: Path, chromium: Any) -> Any:
+    """A workbench of its own, which opens the session that its command names."""
     return serve(folder, "hidden")
 
 
@@ -93,7 +94,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     excess = mdps(compared["excess_within_dps"], 2)  # as the explained part counts with few power cycles
     before, after = (mdps(added[name]["excess_within_dps"], 2) for name in ("before", "after"))
 
-    page = look(served.url, reduced_motion="no-preference")
+    page = look(served.url)
     compares(page, compared)
     card = diagnoses(page, cli(folder, "diagnose", "hidden"))
     assert shown_excess(page) == [excess]

@@ -13,11 +13,10 @@ OTHER = "[aria-label='another session']"
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
-    folder = tmp_path_factory.mktemp("tabs")
+def served(workbench: Any, chromium: Any) -> Any:
     for name in ("mine", "yours"):
-        simulate(folder / name, "paper", [], 3, scenarios=1, seconds=3.0)
-    return serve(folder)
+        simulate(workbench.folder / name, "paper", [], 3, scenarios=1, seconds=3.0)
+    return workbench
 
 
 def test_a_tab_whose_session_was_replaced_says_so_and_returns(served: Any, look: Callable[..., Any]) -> None:

@@ -22,17 +22,16 @@ from .loop import finish
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    folder = tmp_path_factory.mktemp("training")
-    simulate(folder / "s", "paper", ["table_ripple"], 3, scenarios=3, seconds=20)
-    return serve(folder, "s")
+def served(workbench: Any, chromium: Any) -> Any:
+    simulate(workbench.folder / "training", "paper", ["table_ripple"], 3, scenarios=3, seconds=8)
+    return workbench
 
 
 def opened(look: Callable[..., Any], served: Any, require_module: Callable[[str], None]) -> tuple[Any, Any]:
     """The page, and its part about the network."""
     for module in training.NEEDED:
         require_module(module)
-    page = look(f"{served.url}calibrate")
+    page = look(f"{served.url}calibrate?session=training")
     page.locator("table.plain tbody tr").first.wait_for()
     return page, page.locator("[aria-label=network]")
 

@@ -13,18 +13,18 @@ from gyrocal.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")
-def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
-    folder: Path = tmp_path_factory.mktemp("slip")
+def served(workbench: Any, chromium: Any) -> Any:
+    folder: Path = workbench.folder
     session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=6.0)
     wrong = [replace(r, face="up") if r.file == "008_down.csv" else r for r in session.runs]
     session.with_runs(wrong).save(folder / "slip")
     rates = pl.col("gx_dps", "gy_dps", "gz_dps") * (np.pi / 180)
     session.with_runs([replace(r, path=None, frame=r.table.with_columns(rates)) for r in session.runs]).save(folder / "radians")
-    return serve(folder, "slip")
+    return workbench
 
 
 def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> None:
-    page = look(served.url)
+    page = look(f"{served.url}compare?session=slip")
     page.get_by_text("The session's axis is not judged.").wait_for()
     told = page.locator('[aria-label="warnings"]')
     assert "008_down.csv: " in told.inner_text()
@@ -37,7 +37,7 @@ def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> Non
 
 def test_the_strip_marks_the_run_that_is_wrong(served: Any, look: Callable[..., Any]) -> None:
     """Its error was left out of the strip, because the axis is not judged, and the strip contradicted the excess above it."""
-    page = look(f"{served.url}compare")
+    page = look(f"{served.url}compare?session=slip")
     page.locator(".figure b").first.wait_for()
     told = page.locator(".strip .cell").evaluate_all("cells => cells.map(c => c.title)")
     excess = {text.split(",")[0]: float(text.split("excess ")[1].split()[0]) for text in told}
@@ -48,7 +48,7 @@ def test_the_strip_marks_the_run_that_is_wrong(served: Any, look: Callable[..., 
 def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[..., Any]) -> None:
     header = served.folder / "slip/session.toml"
     before = header.read_text()
-    page = look(f"{served.url}compare")
+    page = look(f"{served.url}compare?session=slip")
     mend = page.get_by_role("button", name="Change the face of 008_down.csv")
     assert mend.evaluate("e => parseFloat(getComputedStyle(e).fontSize)") >= 14  # it was 10 px
     mend.click()
