@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gyrocal.effects.base import in_one_power_cycle
-from gyrocal.effects.quantities import cosines, means_of_tenths, unit_wave
+from gyrocal.effects.quantities import cosines, from_seconds, means_of_tenths, temperature_by_second, unit_wave
 from make_runs import make_run
 
 
@@ -28,6 +28,16 @@ def test_cosines_by_recurrence_are_those_of_the_angle() -> None:
 def test_a_unit_wave_is_the_complex_exponential() -> None:
     angle = np.linspace(-300, 300, 1001)
     assert np.abs(unit_wave(angle) - np.exp(1j * angle)).max() < 1e-12
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.5, 40.0])
+def test_values_of_seconds_are_at_samples_what_linear_interpolation_makes_of_them(seconds: float) -> None:
+    rng = np.random.default_rng(1)
+    t_s = np.sort(rng.uniform(0, seconds, round(30 * seconds)))
+    run = make_run(t_s, rate_hz=30.0, temp_c=25 + 0.1 * t_s)
+    known_s = temperature_by_second(run)[0]
+    values = rng.normal(size=known_s.size)
+    assert np.abs(from_seconds(run, values) - np.interp(run.t_s, known_s, values)).max() < 1e-12
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ ERRORS = "[aria-label='calibration error against seconds']"
 
 def test_a_phone_shows_every_name_of_the_calibration_error(served: Any, look: Callable[..., Any]) -> None:
     """Four names scrolled in one line, and the last could be read only by pressing an arrow."""
-    page = look(f"{served.url}diagnose?session=fits")
+    page = look(f"{served.url}diagnose?session=ripple")
     page.set_viewport_size({"width": 390, "height": 844})
     chart = page.locator(ERRORS)
     chart.wait_for()

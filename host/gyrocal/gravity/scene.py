@@ -178,7 +178,7 @@ class Scene:
     @property
     def turned_deg(self) -> Array:
         """The angle by which gravity's direction turns in each movement, shape [movements], deg."""
-        before, after = ([getattr(m, side) for m in self.movements] for side in ("before", "after"))
+        before, after = [m.before for m in self.movements], [m.after for m in self.movements]
         cosine = np.sum(self.up[before] * self.up[after], axis=1)
         return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 

@@ -100,7 +100,7 @@ class Summed:
             else:
                 mean = np.add.reduceat(weighted, start, axis=-1) * (each / total)
                 about: Array = some - np.repeat(mean, np.diff(start, append=blocks), axis=-1)
-                within = about @ about.swapaxes(-1, -2) * n[0] if even else about * n @ about.swapaxes(-1, -2)
+                within = (about if even else about * n) @ about.swapaxes(-1, -2) * each
                 gram = within + mean * total @ mean.swapaxes(-1, -2)
             grams.append(gram)
             withins.append(within)
