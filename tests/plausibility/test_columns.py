@@ -1,5 +1,6 @@
 """Times and acceleration: any time a reader accepts is judged, and gravity may lie across the table's axis."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -140,3 +141,19 @@ def test_a_log_of_once_a_second_by_a_slow_clock_is_in_seconds() -> None:
     assert not [w for w in check(pair(t_s, rate_hz=1 / 1.00015, across=False)) if w.code == "sample_rate"]
     slow_s = np.arange(60) * 2.0
     assert [w for w in check(pair(slow_s, rate_hz=0.5, across=False)) if w.code == "sample_rate"]
+
+
+@pytest.mark.parametrize("rates", [(100.0, 10.0), (25.0, 100.0), (100.0, 20.0, 100.0)])
+@pytest.mark.parametrize("jitter", [0.0, 0.02])
+def test_a_logger_that_takes_another_rate_is_told(rates: tuple[float, ...], jitter: float) -> None:
+    steps_s = np.concatenate([np.full(300, 1 / hz) for hz in rates])
+    steps_s *= 1 + jitter * np.random.default_rng(1).uniform(-1, 1, steps_s.size)
+    t_s = np.concatenate([[0.0], np.cumsum(steps_s)])
+    (told,) = check(pair(t_s, rate_hz=steps_s.size / t_s[-1], across=False))
+    assert told.code == "sample_rate"
+    named = re.search(r"took (\S+) samples a second up to (\S+) s, and (\S+) after that(, and changes 1 times)?", told.text)
+    assert named is not None
+    assert abs(float(named[1]) / rates[0] - 1) < 0.02
+    assert abs(float(named[3]) / rates[1] - 1) < 0.02
+    assert abs(float(named[2]) - t_s[300]) < 1.5 / min(rates)
+    assert bool(named[4]) == (len(rates) > 2)

@@ -304,7 +304,9 @@ def test_another_rate_for_a_while_is_no_loss() -> None:
     assert np.diff(mended.t_s).min() > 0
     assert np.abs(mended.t_s - t_s).max() < 0.1
     run = make_run(t_s, rng.normal(0, 0.05, (t_s.size, 3)), table_rate_dps=0.0, rate_hz=float(1 / period_s(t_s)))
-    assert check(make_session(run)) == []
+    (told,) = check(make_session(run))
+    assert told.code == "sample_rate"
+    assert "missing" not in told.text
 
 
 def test_what_a_program_took_when_it_came_to_it_has_its_mean_rate_and_no_losses() -> None:

@@ -11,7 +11,7 @@ from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
-from gyrocal.recording.stamps import course, in_bursts, lost, period_s, step_range_s
+from gyrocal.recording.stamps import course, in_bursts, lost, period_s, rate_changes, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -20,7 +20,9 @@ STANDARD_GRAVITY = 9.80665
 def check(session: Session, moved: Set[str | None] = frozenset()) -> list[Warning]:
     """``sample_rate``, ``samples_lost``, ``accel_unit`` and ``temp_unit``. The files of ``moved`` are no rests."""
     off = _sample_rate(session)
-    return [*off, *_lost(session, {w.file for w in off}), *_acceleration(session, moved), *_temperature(session)]
+    mistimed = {w.file for w in off}
+    timed = [*off, *_changed_rate(session, mistimed), *_lost(session, mistimed)]
+    return [*timed, *_acceleration(session, moved), *_temperature(session)]
 
 
 def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
@@ -130,6 +132,23 @@ def _sample_rate(session: Session) -> list[Warning]:
     return told(session, "sample_rate", None, hit, text, False)
 
 
+def _changed_rate(session: Session, mistimed: Set[str | None]) -> list[Warning]:
+    """``sample_rate`` of a logger that took another rate within a run. Times in the files of ``mistimed`` are wrong."""
+    changes = {r.file: () if {None, r.file} & mistimed else rate_changes(r.t_s) for r in session.runs}
+    hit = [r for r in session.runs if changes[r.file]]
+
+    def text(run: Run | None) -> str:
+        (_, first_hz), (at_s, then_hz), *others = changes[(run or hit[0]).file]
+        more = f", and changes {len(others)} times more" if others else ""
+        return (
+            f"the logger took {first_hz:.4g} samples a second up to {at_s:.4g} s, and {then_hz:.4g} after that{more}. "
+            "Noise and delays differ between the two: import each part as a session of its own "
+            f"(--run first:0s:{at_s:.4g}s, and --run second:{at_s:.4g}s:)"
+        )
+
+    return told(session, "sample_rate", None, hit, text, False)
+
+
 def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     """``samples_lost``: steps of time that hold several sampling intervals. Times in the files of ``mistimed`` are wrong."""
     timed = [r for r in session.runs if not {None, r.file} & mistimed]
@@ -194,7 +213,7 @@ def measured_hz(run: Run) -> float:
     Elsewhere lost samples are counted if that makes the rate the stated one, as when a recording with dropouts is imported.
     """
     bursts = in_bursts(run.t_s)
-    interval_s, even = (0.0, True) if bursts else course(run.t_s)
+    interval_s, even = (0.0, True) if bursts and not rate_changes(run.t_s) else course(run.t_s)
     if not even:
         return 1 / interval_s
     gaps = np.diff(run.t_s)

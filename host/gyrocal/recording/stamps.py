@@ -6,6 +6,7 @@ right and their single intervals are not. A lost sample shifts the numbers of al
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
@@ -255,7 +256,7 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
         return np.arange(n), _mean_with_gaps_s(t_s), True
     if _is_even(t_s):
         return np.arange(n), _even_interval_s(t_s), True
-    if _changes_rate(t_s):
+    if rate_changes(t_s):
         return np.arange(n), _mean_with_gaps_s(t_s), False
     on_grid = _on_grid(t_s)
     if on_grid is not None:
@@ -331,15 +332,29 @@ def _on_grid(t_s: Array) -> tuple[Index, float] | None:
     return (number, interval_s) if float(np.std(behind)) >= LONG else None
 
 
-def _changes_rate(t_s: Array) -> bool:
-    """True if stamps [n], s, come for a while at another rate than the usual one, which is longer than losses in a row are."""
+def rate_changes(t_s: Array) -> tuple[tuple[float, float], ...]:
+    """Where stamps [n], s, of a logger that takes another rate for a while begin at each rate, s, and that rate, 1/s.
+
+    A rate is another one where it stays longer than losses in a row do. Empty where all samples have one rate.
+    """
     steps = np.diff(t_s)
     if steps.size < 2 * OTHER_RATE:
-        return False
+        return ()
     parts = np.sort(steps[: steps.size // OTHER_RATE * OTHER_RATE].reshape(-1, OTHER_RATE), axis=1)
     middle, early, late = (parts[:, OTHER_RATE * k // 4] for k in (2, 1, 3))
-    even = middle[(late - early < SCATTERED * middle) & (middle > USUAL * parts.mean(axis=1))]
-    return bool(even.size > 1 and even.max() > LONG * even.min())
+    even = np.flatnonzero((late - early < SCATTERED * middle) & (middle > USUAL * parts.mean(axis=1)))
+    if even.size < 2 or middle[even].max() <= LONG * middle[even].min():
+        return ()
+    changes = [(float(t_s[0]), 1 / float(middle[even[0]]))]
+    for before, part in itertools.pairwise(even.tolist()):
+        usual_s, other_s = float(middle[before]), float(middle[part])
+        if max(usual_s, other_s) <= LONG * min(usual_s, other_s):
+            continue
+        between = steps[before * OTHER_RATE : (part + 1) * OTHER_RATE]
+        nearer = np.abs(between - other_s) < np.abs(between - usual_s)
+        first = before * OTHER_RATE + int(np.flatnonzero(~nearer)[-1]) + 1 if not nearer.all() else before * OTHER_RATE
+        changes.append((float(t_s[first]), 1 / other_s))
+    return tuple(changes)
 
 
 def _is_on_demand(t_s: Array) -> bool:
