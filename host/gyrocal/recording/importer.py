@@ -21,7 +21,7 @@ from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, named_as_time
 from gyrocal.recording.header import Reference, read_header, write_header
-from gyrocal.recording.hung import without_hung
+from gyrocal.recording.hung import read_too_fast, without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
 from gyrocal.recording.joined import Files, stem_of
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
@@ -238,6 +238,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
         sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis, corrected=corrected,  # type: ignore[arg-type]
     )  # fmt: skip
     counts = {what: count for what, count in counts.items() if count}
+    evened += [warning for run in runs if (warning := read_too_fast(run)) is not None]
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
 
 
