@@ -112,3 +112,33 @@ def test_a_band_of_noise_is_told_by_its_edges_and_its_amplitude(low_hz: float, h
     assert bump is not None
     assert (bump.low_hz, bump.high_hz) == pytest.approx((low_hz, high_hz), abs=0.3)
     assert 0.9 * np.sqrt(2) * rms_dps < bump.amplitude_dps < 1.03 * np.sqrt(2) * rms_dps
+
+
+@pytest.mark.parametrize("apart_hz", [0.06, 0.17])
+def test_lines_within_a_tenth_of_a_hertz_are_one(apart_hz: float) -> None:
+    rng = np.random.default_rng(3)
+    t_s = np.arange(16384) / 100.0  # bins of 6 mHz
+    y = rng.normal(0, 0.05, t_s.size) + 0.02 * np.sin(2 * np.pi * 20 * t_s) + 0.01 * np.sin(2 * np.pi * (20 + apart_hz) * t_s)
+    found = spectrum([y], 100.0)
+    first = found.peak()
+    assert first is not None
+    assert first.frequency_hz == pytest.approx(20, abs=0.01)
+    other = found.without_line(first.frequency_hz).peak()
+    assert other is not None
+    assert (other.chance < 1e-6) == (apart_hz > 0.1)
+
+
+@pytest.mark.parametrize("width_hz", [2.0, 4.0, 8.0])
+def test_a_band_is_told_with_its_width(width_hz: float) -> None:
+    rng = np.random.default_rng(5)
+    n, rate_hz = 16384, 100.0
+    frequency_hz = np.fft.rfftfreq(n, 1 / rate_hz)
+    inside = np.abs(frequency_hz - 25) < width_hz / 2
+    runs = []
+    for _ in range(3):
+        white = np.fft.rfft(rng.normal(0, 0.05, n))
+        runs.append(np.fft.irfft(np.where(inside, 3 * white, white), n))
+    bump = spectrum(runs, rate_hz).bump()
+    assert bump is not None
+    assert bump.high_hz - bump.low_hz == pytest.approx(width_hz, rel=0.1)
+    assert (bump.low_hz + bump.high_hz) / 2 == pytest.approx(25, abs=width_hz / 4)

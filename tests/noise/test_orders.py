@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.noise.orders import order_spectrum
+from gyrocal.noise.orders import OrderPeak, order_spectrum
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0], ids=["one level", "levels of runs that differ up to three times"])
@@ -45,3 +45,23 @@ def test_the_amplitude_of_a_line_is_that_of_least_squares(order: float) -> None:
     columns = np.column_stack([np.cos(2 * np.pi * found.order[k] * turns), np.sin(2 * np.pi * found.order[k] * turns)])
     expected = np.hypot(*np.linalg.lstsq(columns, y - y.mean(), rcond=None)[0])
     assert np.sqrt(found.power[k]) == pytest.approx(expected, rel=0.02)
+
+
+def test_the_strongest_lines_are_the_tops_of_the_spectrum_strongest_first() -> None:
+    turns = np.arange(6000) * 0.005
+    y = 0.3 * np.cos(2 * np.pi * 3.4 * turns) + 0.2 * np.sin(2 * np.pi * 7 * turns)
+    found = order_spectrum([y + np.random.default_rng(1).normal(0, 0.02, turns.size)], [turns])
+    tops = found.peaks(3)
+    apart = np.abs(found.order - 3.4) > 1
+    assert tops[0].amplitude_dps == pytest.approx(np.sqrt(found.power.max()))
+    assert tops[0].order == found.order[np.argmax(found.power)] == pytest.approx(3.4, abs=tops[0].resolution / 2)
+    (second,) = (p for p in tops if p.whole == 7)
+    assert second.order == found.order[apart][np.argmax(found.power[apart])]
+
+
+@pytest.mark.parametrize(
+    ("order", "resolution", "whole"),
+    [(2.004, 0.05, 2), (1.97, 0.05, None), (2.4, 0.1, None), (0.01, 0.1, None), (0.6, 1.0, 1)],
+)
+def test_an_order_is_whole_within_half_its_resolution(order: float, resolution: float, whole: int | None) -> None:
+    assert OrderPeak(order, 0.1, 0.0, resolution).whole == whole
