@@ -206,6 +206,18 @@ def test_rates_of_a_wrong_range_are_told_by_their_factor(factor: float) -> None:
     assert not any(w.blocking for w in overruled)
 
 
+def test_beside_readings_that_no_rates_explain_every_figure_is_finite() -> None:
+    """Full steps of the fit let the scales grow until a matrix was singular."""
+    table, rng = turned_about([0, 1, 2, 0, 1, 2, 0, 1], 2).runs[0].table, np.random.default_rng(2)
+    moving = np.abs(table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()).max(axis=1) > 1
+    wild = {}
+    for a in AXES:
+        course_dps = np.clip(rng.normal(0, 300, moving.size).cumsum() / 5, -250, 250)
+        wild[f"g{a}_dps"] = pl.Series(np.where(moving, course_dps, table[f"g{a}_dps"].to_numpy()))
+    found = compare(session_of(table.with_columns(**wild)))
+    assert all(np.isfinite(w) for axis in found.to_json()["per_axis"].values() for w in axis.values() if isinstance(w, float))
+
+
 def test_other_methods_and_true_rates_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session, _ = simulate(tmp_path / "s", "hands", scenarios=6)
     assert main(["calibrate", str(tmp_path / "s"), "--method", "cnn"]) == 2

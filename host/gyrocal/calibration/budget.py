@@ -62,6 +62,7 @@ OTHER_NETWORK = "train a network for this model, or take the model's answer if i
 NO_EARTH = "nothing: the runs turn in both directions on each face"
 NO_CLOCK = "nothing: the rate is known without the sensor's clock"
 NO_TEMPERATURE = "nothing: the model holds what the temperature changes"
+MORE_ANGLE = "turn through a larger angle or more often, and state the smaller turn_se_deg"
 MORE_TURNS = "measure the table's rate over more turns, and state the smaller table_rate_se_dps"
 
 
@@ -129,7 +130,8 @@ def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer, 
     Of alternatives that exclude each other, the middle one is taken. What the average over them adds belongs to the effects.
     """
     calibration = _without_alternatives(calibration)
-    blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b.samples.size]
+    told = [(run, b) for run, b in ((run, run_blocks(run, calibration)) for run in runs) if b.samples.size]
+    blocks = [b for _, b in told]
     k, known = len(calibration.run_columns), calibration.prior_information**2
     prior = np.concatenate([np.tile(known[:k], len(blocks)), known[k:]])
     noise, half = calibration.noise, 0.25 * LOG_STEP
@@ -142,13 +144,19 @@ def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer, 
     cov = inverse[:, None] * np.linalg.pinv(inverse[:, None] * information * inverse, hermitian=True) * inverse
     gain = cov[[-1, -2]]  # scale, bias
     by_drift = np.maximum(_quadratic(gain, (low - high) / LOG_STEP), 0.0)
-    by_white = np.maximum(_quadratic(gain, data) - by_drift, 0.0)
+    by_turn = np.zeros(2)
+    for i, (run, _) in enumerate(told):
+        if run.rate_is_mean and run.axis == calibration.axis and run.turn_se_deg:
+            one = _information(calibration, blocks, noise, only=i)
+            by_turn += _quadratic(gain, one) * one[-2, -2] * (run.turn_se_deg / run.duration_s) ** 2
+    by_white = np.maximum(_quadratic(gain, data) - by_drift - by_turn, 0.0)
     by_prior = gain**2 * prior
-    parts = np.array([by_white, by_drift, by_prior[:, -2:].sum(1), by_prior[:, :-2].sum(1)])
+    parts = np.array([by_white, by_drift, by_turn, by_prior[:, -2:].sum(1), by_prior[:, :-2].sum(1)])
     total, stated = parts.sum(0), variances(answer, runs)
     parts *= np.minimum(1.0, stated / total)
     parts[-1] += np.maximum(stated - total, 0.0)
-    return _rows([WHITE, DRIFT, PRIOR, EFFECTS], parts, {EFFECTS: LONGER} if fitted else {})
+    remedies = {TURN: MORE_ANGLE} | ({EFFECTS: LONGER} if fitted else {})
+    return _rows([WHITE, DRIFT, TURN, PRIOR, EFFECTS], parts, remedies)
 
 
 def variances(answer: Answer, runs: Sequence[Run]) -> Array:
@@ -246,12 +254,9 @@ def temperature_spread_c(session: Session) -> float | None:
 
 
 def _of_turns(turns: Sequence[Run], *, weighed: bool) -> list[BudgetRow]:
-    """The error of turns of which the angle is known: the largest that is stated, or None if one states none."""
-    if not turns or (weighed and (len(turns) > 1 or turns[0].turn_se_deg is not None)):  # several show it by their scatter
-        return []
-    relative = [None if r.turn_se_deg is None or not r.turn_deg else abs(r.turn_se_deg / r.turn_deg) for r in turns]
-    known = [of for of in relative if of is not None]
-    return [BudgetRow(TURN, max(known) if len(known) == len(turns) else None, 0.0, in_se=False)]
+    """The error of turns of which the angle is known, where it is unknown: a stated one is in the standard error."""
+    unknown = [r for r in turns if r.turn_se_deg is None]
+    return [] if not unknown or (weighed and len(turns) > 1) else [BudgetRow(TURN, None, 0.0, in_se=False)]
 
 
 def _of_table(runs: Sequence[Run]) -> BudgetRow:
@@ -286,13 +291,15 @@ def _without_alternatives(calibration: Calibration) -> Calibration:
     return replace(calibration, run_columns=(*columns[:-a], columns[a // 2 - a]), alternatives=0)
 
 
-def _information(calibration: Calibration, blocks: Sequence[RunBlocks], noise: Noise) -> Array:
-    """The information of the data [p, p] on [each run's columns, shared columns, bias, scale]."""
+def _information(calibration: Calibration, blocks: Sequence[RunBlocks], noise: Noise, only: int | None = None) -> Array:
+    """The information of all data, or of ``only`` one run's, [p, p] on [each run's columns, shared columns, bias, scale]."""
     k = len(calibration.run_columns)
     own = k * len(blocks)
     size = own + len(calibration.shared_columns) + 2
     out = np.zeros((size, size))
     for i, (means, t_s, samples) in enumerate(blocks):
+        if only not in (None, i):
+            continue
         rows = np.r_[k * i : k * (i + 1), own:size]
         out[np.ix_(rows, rows)] += normal_equations(means[None], t_s, samples, noise)[0][0][:-1, :-1]
     return out

@@ -17,6 +17,7 @@ from gyrocal.calibration.network_answer import consecutive, network, network_pri
 from gyrocal.calibration.pairs import is_steady, network_suits, pairs
 from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
+from gyrocal.calibration.turns import with_scatter_of_turns
 from gyrocal.calibration.uncertainty import DRIFT_TAU_S, drift_sd_dps
 from gyrocal.effects.base import Role
 from gyrocal.effects.earth_rate import EarthRate, in_known_rate
@@ -332,6 +333,7 @@ def _by_model(
         if not fitted:
             drift_dps = drift_sd_dps(max(run.duration_s for run in mine))
             calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, drift_dps, DRIFT_TAU_S))
+        mine = with_scatter_of_turns(calibration, mine)
         answer = estimate(calibration, mine)
         if answer is None:
             continue

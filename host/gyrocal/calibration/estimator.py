@@ -225,7 +225,10 @@ def run_blocks(run: Run, calibration: Calibration) -> RunBlocks:
     for kind, values in calibration.faults:
         usable = kind.usable(run, axis, values)
         full = full if usable is None else full & np.logical_and.reduceat(usable, first)
-    return RunBlocks(means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float))
+    samples = count[full].astype(float)
+    if run.rate_is_mean and run.axis_index == axis and run.turn_se_deg:  # as so many samples as white noise makes that error of
+        samples /= 1 + samples * (run.turn_se_deg / run.duration_s / calibration.noise.white_sd_dps) ** 2
+    return RunBlocks(means[full].T, blocks[full] * BLOCK_US * 1e-6, samples)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ CROSS = Misalignment.id
 STEPS = 20
 CONVERGED = 1e-2
 """A step below this part of the standard errors ends the iteration."""
+LONGEST_STEP = 0.3
+"""A scale changes by no more in a step: beside readings that no rates explain, full steps may go on for ever."""
 SIZES_DPS = tuple(float(sd) for sd in np.geomspace(3e-4, 0.3, 13))
 TAUS_S = (10.0, 30.0, 100.0, 300.0)
 """Sizes and correlation times of the drift over which the likelihood is averaged."""
@@ -170,6 +172,8 @@ def fit(scene: Scene, model: Model, observer: Observer | None = None) -> Gravity
         noise = total_noise(seen, wander)
         theta, covariance = least_squares(seen.y, seen.columns, noise, [p.prior_sd for p in wanted])
         before = np.array([p.term.values.get(p.name, 0.0) for p in wanted])
+        moved = max((abs(theta[k] - before[k]) for k, p in enumerate(wanted) if p.term.effect.role is Role.SCALE), default=0.0)
+        theta = before + (theta - before) * min(1.0, LONGEST_STEP / max(moved, LONGEST_STEP))
         terms = _with_values(terms, wanted, theta, covariance)
         wanted = parameters(terms)
         if np.max(np.abs(theta - before) / np.sqrt(np.diag(covariance)), initial=0.0) < CONVERGED:

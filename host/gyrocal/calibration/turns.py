@@ -1,0 +1,51 @@
+"""Turns of a known angle of which no error is stated: it is found from how far several turns contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gyrocal import tails
+from gyrocal.calibration.estimator import Calibration, estimate
+from gyrocal.recording.session import AXES, Run
+
+LARGEST = 0.3
+"""The error of a turn, as a fraction of its angle, with which the search begins."""
+ROUNDS = 4
+"""The scatter and the weights of the turns are found in turn."""
+Z95 = 1.959964
+
+
+def with_scatter_of_turns(calibration: Calibration, runs: Sequence[Run]) -> list[Run]:
+    """The runs of an axis, whose turns have the error by which they scatter about the line through them and the rests.
+
+    Found from few turns it is itself uncertain: it is widened to hold 95 %, as Student's t has it. Turns that scatter no more
+    than their noise stay exact, and so do those of which an error is stated, or of which one alone is there.
+    """
+    turns = ((i, r) for i, r in enumerate(runs) if r.rate_is_mean and r.axis == calibration.axis)
+    of = [i for i, r in turns if r.turn_deg and r.turn_se_deg is None]
+    noise = calibration.noise
+    free = len(of) - (1 if any(not r.rate_is_mean for r in runs) else 2)
+    if free < 1:
+        return list(runs)
+
+    def beside(error_deg: float) -> list[Run]:
+        return [replace(r, turn_se_deg=error_deg) if i in of else r for i, r in enumerate(runs)]
+
+    scatter_deg = LARGEST * max(abs(runs[i].turn_deg or 0.0) for i in of)
+    for _ in range(ROUNDS):
+        answer = estimate(calibration, beside(scatter_deg))
+        if answer is None:
+            return list(runs)
+        left_deg2 = noise_deg2 = 0.0
+        for run in (runs[i] for i in of):
+            read_dps = float(np.mean(run.gyro_dps[:, AXES.index(calibration.axis)]))
+            modelled_dps = (1 + answer.scale) * float(np.mean(run.rate_dps)) + answer.bias_dps
+            left_deg2 += ((read_dps - modelled_dps) * run.duration_s) ** 2
+            noise_deg2 += (noise.white_sd_dps**2 / len(run) + noise.ou_sd_dps**2) * run.duration_s**2 / len(of)
+        if left_deg2 / free <= noise_deg2:
+            return list(runs)
+        scatter_deg = float(np.sqrt(left_deg2 / free - noise_deg2))
+    return beside(scatter_deg * float(tails.student_value(0.025, free)) / Z95)
