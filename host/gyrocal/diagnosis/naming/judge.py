@@ -13,7 +13,7 @@ from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
-from gyrocal.diagnosis.residual.coherence import keeps_its_phase, line_of_reference, of_the_reference
+from gyrocal.diagnosis.residual.coherence import keeps_its_phase, keeps_its_size, line_of_reference, of_the_reference
 from gyrocal.effects.base import Effect, Mask, Objection
 from gyrocal.effects.mistaken import must_be_sure
 from gyrocal.effects.optional import CourseWithoutData
@@ -136,10 +136,12 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a wave changes its phase within the runs, is the reference's, or has other sizes than its law says."""
+    """True if a wave changes phase within the runs, or a tone its size; or it is the reference's, or breaks its law of sizes."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
     if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
+        return True
+    if isinstance(wave, Tone) and not keeps_its_size(fitted, columns):
         return True
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:

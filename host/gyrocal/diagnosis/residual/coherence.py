@@ -18,6 +18,7 @@ from gyrocal.recording.session import AXES, Array
 
 LEAST_PERIODS = 1.5
 """Number of periods in a part."""
+QUARTERS = 4
 
 
 def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
@@ -31,13 +32,8 @@ def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     """
     of_run = incoherent = degrees = 0.0
     for i, block in enumerate(fitted.design.blocks):
-        columns = fitted.design.columns(i)[1:]
         weight = np.sqrt(block.n)
-        wave = (columns[own] * weight).T
-        coefficients = np.concatenate([
-            fitted.solution.beta, fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
-        ])[own]  # fmt: skip
-        y = fitted.block_residuals(i) * weight + wave @ coefficients
+        y, wave = _wave_of(fitted, own, i)
         parts = np.array_split(np.arange(len(y)), _parts(wave))
         if len(parts) < 2 or not np.any(wave):
             continue
@@ -51,6 +47,37 @@ def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     beyond = incoherent - degrees * noise
     certain = beyond > POLICY.coherence_errors * noise * np.sqrt(2 * degrees)
     return not certain or of_run > least * (of_run + beyond)
+
+
+def keeps_its_size(fitted: AxisFit, own: list[int]) -> bool:
+    """False if the power of a tone, over all runs, is certainly far smaller in a quarter of their time than it is on average.
+
+    A tone that decays or grows in each run is another effect, such as a mount that rings after a start. ``own`` is as above.
+    Each quarter has a phase of its own, so that a frequency that wanders counts as one size.
+    """
+    power, variance, energy = (np.zeros(QUARTERS) for _ in range(3))
+    noise = fitted.noise.white_sd_dps**2
+    for i, block in enumerate(fitted.design.blocks):
+        y, wave = _wave_of(fitted, own, i)
+        if _parts(wave) < QUARTERS:
+            continue
+        for q, p in enumerate(np.array_split(np.arange(len(y)), QUARTERS)):
+            steady = _without_trend(np.column_stack([y, wave])[p], np.sqrt(block.n)[p])
+            power[q] += _fitted_power(steady[:, 1:], steady[:, 0]) - wave.shape[1] * noise
+            variance[q] += 2 * wave.shape[1] * noise**2
+            energy[q] += float(np.sum(steady[:, 1:] ** 2))
+    if not energy.all():
+        return True
+    size, se = power / energy, np.sqrt(variance + 4 * noise * np.maximum(power, 0.0)) / energy
+    return bool(np.all(size + POLICY.coherence_errors * se >= POLICY.even**2 * size.mean()))
+
+
+def _wave_of(fitted: AxisFit, own: list[int], run: int) -> tuple[Array, Array]:
+    """What is left of a run's readings beside the other terms [m], and the wave's columns [m, k], weighted by their samples."""
+    weight = np.sqrt(fitted.design.blocks[run].n)
+    wave = (fitted.design.columns(run)[1:][own] * weight).T
+    u = fitted.run_coefficients(run, fitted.solution.beta, fitted.spreads)
+    return fitted.block_residuals(run) * weight + wave @ np.concatenate([fitted.solution.beta, u])[own], wave
 
 
 def of_angles(fitted: Fit) -> bool:
