@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.errors import InputError
 from gyrocal.plausibility import check
 from gyrocal.recording.header import Reference
@@ -117,3 +118,21 @@ def test_a_rest_that_is_one_is_left_in_peace(kind: str) -> None:
     }.get(kind, np.zeros_like(t_s))
     run = make_run(t_s, noise + moves[:, None], table_rate_dps=0.0)
     assert "not_at_rest" not in {w.code for w in check(make_session(run))}
+
+
+def test_beside_a_reference_that_its_own_axis_contradicts_the_other_axes_have_no_sure_name() -> None:
+    """A reference of another motion, which leaks into y as a misalignment would."""
+    rng, t_s, runs = np.random.default_rng(4), np.arange(6000) / 100, []
+    for cycle in range(4):
+        rate_dps = 60 * np.sin(2 * np.pi * t_s / 11 + cycle) + 20 * np.sin(2 * np.pi * t_s / 3.7)
+        gyro = rng.normal(0, 0.05, (t_s.size, 3))
+        gyro[:, 1] += 0.02 * rate_dps
+        runs.append((gyro, rate_dps, f"s{cycle}"))
+
+    def session(part: float) -> Session:
+        made = [(gyro + np.outer(part * rate_dps, [0, 0, 1]), rate_dps, scenario) for gyro, rate_dps, scenario in runs]
+        return make_session(*(make_run(t_s, y, table_rate_dps=None, rate_ref_dps=w, scenario=name) for y, w, name in made))
+
+    names = [[(c.effect.id, c.axis) for c in diagnose(session(part)).candidates if c.decision == "add"] for part in (1.0, 0.4)]
+    assert names[0] == [("misalignment", "y")]
+    assert names[1] == []

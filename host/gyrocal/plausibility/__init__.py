@@ -15,7 +15,7 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.register import registered
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning, accepted
 
 
@@ -57,10 +57,16 @@ OF_THE_TURN = ("face_wrong", "rate_wrong")
 """Warnings that a run turned otherwise than stated. What its axes read in proportion to the rate then is no effect."""
 
 
-def unsure(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
-    """The axes on which no effect is named, because a run whose other axis a blocking warning accuses turned otherwise."""
+def unsure(warnings: list[Warning], session: Session) -> set[str]:
+    """The axes on which no effect is named, because the true rate that they are held against may be another one.
+
+    A run whose other axis a blocking warning accuses turned otherwise. A measured rate about one axis that contradicts the
+    readings of that axis may be the motion of something else.
+    """
     accused = [w for w in warnings if w.blocking and w.file is not None and w.code in OF_THE_TURN]
-    return {a for a in axes if any(not w.blocks(a) for w in accused)}
+    if any(r.table_rate_dps is None and not r.rate_is_mean and not r.three_axes for r in session.runs):
+        accused += [w for w in warnings if w.blocks(session.axis)]
+    return {a for a in AXES if any(not w.blocks(a) for w in accused)}
 
 
 def of_fit(fitted: Fit, warnings: list[Warning], failing: Collection[str] = ()) -> list[Warning]:

@@ -92,8 +92,11 @@ def diagnose(
 
 
 def _failing(comparison: Comparison) -> set[str]:
-    """The axes on which something fails that a slow effect may explain: no fault of the reading, no line or band above it."""
-    return {f.axis for f in comparison.where if not f.above_blocks and f.against != Reading.name}
+    """The axes on which something fails that a slow effect may explain: no fault of the reading, no line or band above it.
+
+    What fails on an axis on which nothing is sure has no name.
+    """
+    return {f.axis for f in comparison.where if not f.above_blocks and f.against != Reading.name} - comparison.unsure
 
 
 class Compared(Protocol):

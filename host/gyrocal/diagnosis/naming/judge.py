@@ -136,7 +136,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a wave changes phase within the runs, or a tone its size; or it is the reference's, or breaks its law of sizes."""
+    """True if a wave changes phase or a tone size within the runs, or it is the reference's, or breaks its law of sizes."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
     if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):

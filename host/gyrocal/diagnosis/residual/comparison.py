@@ -114,8 +114,8 @@ class Comparison(Judged):
 
     @property
     def unsure(self) -> set[str]:
-        """The axes on which no effect is named, because a run turned otherwise than stated."""
-        return plausibility.unsure(self.warnings, AXES)
+        """The axes on which no effect is named, because the true rate may be another one."""
+        return plausibility.unsure(self.warnings, self.fit.session)
 
     @property
     def own_axis(self) -> str:
