@@ -85,7 +85,7 @@ class Session(Shown):
             if not os.path.isfile(folder / run.file):  # False too for a name that no file can have
                 raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
             if check:
-                _check_rate_known(run)
+                check_rate_known(run)
         return session.with_runs(following(session.runs)) if check else session
 
     @staticmethod
@@ -188,7 +188,8 @@ def following(runs: Sequence[Run]) -> list[Run]:
     return out
 
 
-def _check_rate_known(run: Run) -> None:
+def check_rate_known(run: Run) -> None:
+    """InputError unless a run has a true rate, or what stands in its place, and its reference can be read."""
     where = run.path or run.file
     if run.reference.kind == "gravity":
         _check_hands(run)
