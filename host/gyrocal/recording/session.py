@@ -22,7 +22,7 @@ from gyrocal.recording.header import (
     write_header,
 )
 from gyrocal.recording.registration import ReferenceParameter, RegistrationFit
-from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
+from gyrocal.recording.run import AXES, GAP_PERIODS, NO_RATE, Array, Run
 from gyrocal.recording.table import write_table
 from gyrocal.shown import Shown
 
@@ -195,6 +195,8 @@ def check_rate_known(run: Run) -> None:
         _check_hands(run)
         return
     if run.reference_dps is None and run.table_rate_dps is None and run.turn_deg is None:
+        if run.measured_rates is not None:
+            raise InputError(f"{where}: {NO_RATE}")
         raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a reference's columns")
 
 
