@@ -457,7 +457,7 @@ ANSWERS: dict[str, tuple[Any, str]] = {
     "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
     "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.1"),
-    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.0"), "info": (Info, "1.2"),
+    "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.1"), "info": (Info, "1.2"),
     "keep": (Keep, "1.1"), "monitor": (Event, "1.2"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.1"),
     "simulate": (Simulate, "1.0"), "train": (Train, "1.1"), "verify": (Verify, "1.1"), "version": (Version, "1.0"),
     "wifi": (derived(Network, url=str, token=str), "1.0"),

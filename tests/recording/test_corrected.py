@@ -33,8 +33,11 @@ VALUES: Mapping[str, Callable[[int], tuple[float, ...]]] = {
 }  # fmt: skip
 
 
-def ulog(path: Path, *topics: str, old: bool = False) -> Path:
-    """A ULog of these topics, by https://docs.px4.io/main/en/dev_log/ulog_file_format.html; ``old``: with the raw counts."""
+def ulog(path: Path, *topics: str, old: bool = False, every: int = 1) -> Path:
+    """A ULog of these topics, by https://docs.px4.io/main/en/dev_log/ulog_file_format.html; ``old``: with the raw counts.
+
+    Of the first topic only one sample of ``every`` is logged.
+    """
 
     def message(kind: bytes, content: bytes) -> bytes:
         return struct.pack("<HB", len(content), kind[0]) + content
@@ -47,6 +50,8 @@ def ulog(path: Path, *topics: str, old: bool = False) -> Path:
         out += message(b"A", struct.pack("<BH", 0, number) + topic.encode())
     for i in range(N):
         for number, topic in enumerate(topics):
+            if number == 0 and i % every:
+                continue
             counted = ("h", (7,)) if old else ("", ())
             values = (*VALUES[topic](i), *counted[1])
             out += message(b"D", struct.pack(f"<HQ{FIELDS[topic][1]}{counted[0]}", number, US[i], *values))
@@ -114,6 +119,13 @@ def test_tables_made_of_logs(tmp_path: Path, file: str, names: tuple[str, ...], 
     maps = [f"t_s={time}:us", *(f"g{a}_dps={name}:rad/s" for a, name in zip("xyz", names[-3:], strict=True))]
     found = read_recording(tmp_path / file, Options(maps, defaults={"table_rate_dps": 0.0}))
     assert found.session.corrected == corrected
+
+
+def test_a_topic_that_px4_logs_now_and_then_is_passed_over(tmp_path: Path) -> None:
+    path = ulog(tmp_path / "a.ulg", "sensor_gyro", "sensor_combined", every=50)
+    assert str(imported(path).corrected).startswith("PX4 sensor_combined")
+    assert imported(path).rows == N
+    assert imported(path, "sensor_gyro").rows == N // 50
 
 
 def test_a_session_holds_no_readings_of_both_kinds(tmp_path: Path) -> None:

@@ -140,6 +140,44 @@ def test_text_in_an_optional_column_is_missing_and_counted(tmp_path: Path) -> No
     assert found.session.runs[0].table["temp_c"].null_count() == 1
 
 
+def oriented(tmp_path: Path, damaged: int) -> tuple[Path, list[str]]:
+    """The recording with the table's orientation, ``damaged`` rows of which have another length; its file and options."""
+    half = np.deg2rad(78 / 2) * np.arange(N) / RATE_HZ
+    length = np.where(np.arange(N) % 20 == 5, 0.8, 1.0) if damaged > 1 else np.where(np.arange(N) == 5, 0.8, 1.0)
+    length[20 * damaged :] = 1.0
+    columns = {"qw": np.cos(half) * length, "qx": 0 * half, "qy": 0 * half, "qz": np.sin(half) * length}
+    recording(scale=0.0).with_columns(**columns).write_csv(tmp_path / "log.csv")
+    return tmp_path / "log.csv", [*MAPS, *(f"ref_q{part}=q{part}" for part in "wxyz")]
+
+
+def test_damaged_orientations_are_missing_and_counted(tmp_path: Path) -> None:
+    file, maps = oriented(tmp_path, damaged=3)
+    found = read(file, maps, defaults={})
+    assert found.repaired == {"orientations": 3}
+    assert found.session.runs[0].table["ref_qw"].null_count() == 3
+    (told,) = [w for w in found.warnings if w.code == "line_damaged"]
+    assert "3 damaged orientations are left out (row 7: the quaternion has the length 0.8, not 1)" in told.text
+    assert found.session.runs[0].rate_dps == pytest.approx(78.0)
+
+
+def test_an_import_that_ends_with_an_error_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, maps = oriented(tmp_path, damaged=1)
+    bad = pl.read_csv(file).with_columns(qw=pl.col("qw") * 0.97 + 0.05)
+    bad.write_csv(file)
+    options = [text for each in maps for text in ("--map", each)]
+    assert main(["import", str(file), str(tmp_path / "out"), *options]) == 2
+    assert "the quaternion has the length" in capsys.readouterr().err
+    with pytest.raises(InputError, match="the quaternion has the length"):
+        import_recording(file, tmp_path / "out", maps)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_the_shown_mapping_is_the_stated_one(tmp_path: Path) -> None:
+    """With its factor and its zero: it is what is done, and what is typed again."""
+    maps = ["t_s=t", "gx_dps=x:rad/s*-1", "gy_dps=(y - 3)*0.5", "gz_dps=z"]
+    assert [row.map for row in read(lines(tmp_path), maps).first_rows] == maps
+
+
 def test_repeated_times_are_repaired_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     frame = recording().with_columns(t=(pl.col("t") / 0.05).floor() * 0.05)
     frame.write_csv(tmp_path / "log.csv")

@@ -85,6 +85,8 @@ HABITS: dict[str, str | bytes] = {
     "dates with zones that change": over_the_end_of_summer_time(),
     "dates with a zone's name": timed("%Y-%m-%d %H:%M:%S.%f CEST"),
     "dates by points": timed("%d.%m.%Y %H:%M:%S.%f"),
+    "dates with underscores": timed("%Y_%m_%d_%H_%M_%S.%f"),
+    "dates as in names of files": timed("%Y-%m-%dT%H-%M-%S.%fZ"),
     "dates with AM and PM": timed("%m/%d/%Y %I:%M:%S.%f %p"),
     "times of day across midnight": timed("%H:%M:%S.%f"),
     "minutes and seconds": text([[f"{59 + t // 60:02.0f}:{t % 60:06.3f}", *r[1:]] for t, r in zip(T_S, ROWS, strict=True)]),
@@ -130,6 +132,13 @@ REFUSED: dict[str, tuple[str, str]] = {
     "commas between decimal commas": (text(with_commas(ROWS)), "save it with semicolons or tabs between the cells"),
     "sensors in turn": (
         text([[*r, n] for r in ROWS for n in "ab"], [*HEAD, "sensor_id"]), "of several sensors (a, b); keep those",
+    ),
+    "rows of several kinds": (
+        "\n".join(f"{r[0]},imu,{','.join(r[1:])}\n{r[0]},baro,487.5\n{r[0]},gps,55.1,37.2" for r in ROWS),
+        "several kinds, named in cell 2: imu, baro, gps. Keep the rows of one kind in a file of their own, as imu",
+    ),
+    "labels with brackets and an address": (
+        "\n".join(f"RAW 0x68: accel=(9252, -5612, -12084) gyro=({', '.join(r[1:])})" for r in ROWS), "write the names once",
     ),
     "a pointer": ("version https://git-lfs.example/spec/v1\noid sha256:0b8d\nsize 311115\n", "git lfs pull"),
     "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),

@@ -1,5 +1,6 @@
 """Each format holds the same recording and gives the same session; bags and ULogs are written here, by their own rules."""
 
+import re
 import struct
 import sys
 from collections.abc import Callable
@@ -64,6 +65,26 @@ def test_mat_with_structures_and_as_text(tmp_path: Path) -> None:
     maps = ["t_s=t", *(f"g{a}_dps={a}:rad/s" for a in "xyz")]
     options = Options(maps, columns=columns, defaults={"table_rate_dps": 0.0})
     assert np.allclose(read_recording(tmp_path / "ascii.mat", options).session.runs[0].gyro_dps, np.degrees(GYRO))
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [("timetable", "writetimetable(Gyro, 'Gyro.csv')"), ("table", "writetable(Gyro, 'Gyro.csv')"), ("quaternion", "arrays")],
+)
+def test_objects_of_matlab_say_how_to_export_them(kind: str, says: str, tmp_path: Path) -> None:
+    """They are of type 17, whose name, system and class stand in the file, and whose data nobody but MATLAB knows."""
+
+    def element(form: int, content: bytes) -> bytes:
+        return struct.pack("<II", form, len(content)) + content.ljust(-(-len(content) // 8) * 8, b"\0")
+
+    words = b"".join(element(1, word.encode()) for word in ("Gyro", "MCOS", kind))
+    flags, size = element(6, struct.pack("<II", 13, 0)), element(5, struct.pack("<ii", 6, 1))
+    data = element(14, flags + size + element(1, b"") + element(6, struct.pack("<6I", 3707764736, 2, 1, 1, 1, 1)))
+    objects = element(14, element(6, struct.pack("<II", 17, 0)) + words + data)
+    head = b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    (tmp_path / "a.mat").write_bytes(head + objects)
+    with pytest.raises(InputError, match=f"Gyro is an object of MATLAB's class {kind}, .*{re.escape(says)}"):
+        readers.read(tmp_path / "a.mat")
 
 
 def test_arrays_of_other_lengths_are_told_and_the_gyroscope_s_length_is_taken(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gyrocal.plausibility import check
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, read_recording
 
@@ -32,6 +33,12 @@ def stamped(kind: str, t_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         for k in range(100, n - 10, 250):
             late[k : k + 4] = t_s[k] + 0.032 + np.arange(4) * 1.5e-3
         return late
+    if kind == "read one by one":  # 2 ms each, of what waits when the host looks; as it begins, 0.3 s of them do
+        looks = 0.3 + np.cumsum(rng.choice([0.01, 0.03, 0.05], 3 * n))
+        moments = looks[np.searchsorted(looks, t_s)]
+        for i in range(1, n):
+            moments[i] = max(moments[i], moments[i - 1] + rng.uniform(0.0012, 0.0026))
+        return moments
     assert kind == "rounding"
     return np.floor(t_s * 125) / 125
 
@@ -84,3 +91,18 @@ def test_a_host_that_was_late_at_rest_has_lost_nothing(tmp_path: Path) -> None:
     t_s, found = imported(tmp_path, stamped("late", TRUE_S, rng), rng.normal(0, 0.1, (N, 3)))
     assert np.diff(t_s).max() < 1.05 * 0.01
     assert "missing" not in found.warnings[0].text
+
+
+@pytest.mark.parametrize("missing", [0, 40])
+@pytest.mark.parametrize("turns", [True, False])
+def test_samples_that_a_host_reads_one_by_one_from_packets_are_even(turns: bool, missing: int, tmp_path: Path) -> None:
+    """Most steps are those of the reading, a fifth of the interval: neither are they bursts, nor the host's own sampling."""
+    rng = np.random.default_rng(7)
+    true_s = np.delete(TRUE_S, rng.choice(np.arange(200, N - 200), missing, replace=False))
+    readings = rates(true_s, rng) if turns else rng.normal(0, 0.1, (true_s.size, 3))
+    t_s, found = imported(tmp_path, stamped("read one by one", true_s, rng), readings)
+    assert found.repaired["times"] == true_s.size
+    assert found.session.sample_rate_hz == pytest.approx(100.0, rel=1e-3)
+    assert np.ptp(t_s - true_s) < 0.04
+    assert round(np.ptp(t_s) * found.session.sample_rate_hz) + 1 - true_s.size == pytest.approx(missing, abs=4)
+    assert not [w for w in check(found.session) if w.code == "sample_rate"]

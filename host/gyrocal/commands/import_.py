@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gyrocal.recording.importer import Imported
     from gyrocal.recording.second_file import SecondFile
     from gyrocal.recording.session import Session
+    from gyrocal.warning import Warning
 
 CUT = "NAME:START:END[:key=value,...]"
 REPAIRED = {
@@ -22,6 +23,7 @@ REPAIRED = {
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",
     "cells": "cells of text in optional columns were taken as missing",
+    "orientations": "orientations whose quaternion has not the length 1 were taken as missing",
     "resampled": "samples of faster runs were averaged to the session's rate",
 }
 META = "PATTERN:key=value,..."
@@ -117,6 +119,7 @@ def run(
     gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
+    from gyrocal.plausibility import check
     from gyrocal.recording.column_map import Scaling
     from gyrocal.recording.import_options import Options
 
@@ -131,7 +134,9 @@ def run(
     ))  # fmt: skip
     _preview(found, preview)
     _agreed(found, yes, as_json)
-    _tell(found, found.save(out, append=append), out, as_json)
+    warnings = check(found.session)  # an error in the data comes before anything is written
+    session = found.save(out, append=append)
+    _tell(found, session, check(session) if append else warnings, out, as_json)
 
 
 def names_of(columns: str | None) -> list[str] | None:
@@ -251,13 +256,12 @@ def decided(found: "Imported") -> None:
         )
 
 
-def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> None:
-    from gyrocal.plausibility import check
+def _tell(found: "Imported", session: "Session", of_session: "list[Warning]", out: Path, as_json: bool) -> None:
     from gyrocal.present.output import emit
     from gyrocal.present.report import print_warnings
     from gyrocal.units import number_of
 
-    warnings = [*found.warnings, *check(session)]
+    warnings = [*found.warnings, *of_session]
     samples = sum(len(r) for r in session.runs)
     if as_json:
         emit({

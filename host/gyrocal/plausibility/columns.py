@@ -212,8 +212,7 @@ def measured_hz(run: Run) -> float:
     If samples arrive in bursts, only the first of each burst counts, because a line through a few steps depends on its ends.
     Elsewhere lost samples are counted if that makes the rate the stated one, as when a recording with dropouts is imported.
     """
-    bursts = in_bursts(run.t_s)
-    interval_s, even = (0.0, True) if bursts and not rate_changes(run.t_s) else course(run.t_s)
+    bursts, (interval_s, even) = in_bursts(run.t_s), course(run.t_s)
     if not even:
         return 1 / interval_s
     gaps = np.diff(run.t_s)

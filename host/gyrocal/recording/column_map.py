@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gyrocal.errors import InputError, did_you_mean, there_are
 from gyrocal.recording.run import AXES
@@ -57,6 +57,13 @@ class ColumnMap:
     offset: float = 0.0
     unit: str | None = None
     """The unit as it was stated."""
+    stated: str = field(default="", compare=False)
+    """The mapping as it was stated, with its zero, unit and factor."""
+
+    @property
+    def text(self) -> str:
+        """The mapping as an option states it."""
+        return self.stated or f"{self.target}={self.column}"
 
     @property
     def is_angle_of_rate(self) -> bool:
@@ -93,7 +100,7 @@ class ColumnMap:
         if shifted:
             column, zero = shifted[1], float(shifted[2] + shifted[3])
         factor = scale[0] * multiplier
-        return ColumnMap(target, column, factor, scale[1] + zero * factor, unit)
+        return ColumnMap(target, column, factor, scale[1] + zero * factor, unit, text.strip())
 
 
 def _factor(stated: str, rest: str) -> tuple[str, float]:

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import ColumnMap
+from gyrocal.recording.column_map import QUATERNION, ColumnMap
+from gyrocal.recording.orientation import UNIT_WITHIN
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
 from gyrocal.recording.stamps import step_range_s
@@ -41,6 +42,8 @@ class Converted:
     """Text in optional columns, taken as missing."""
     repeated: int = 0
     """Rows that were written twice, of which one is kept."""
+    orientations: int = 0
+    """Damaged quaternions, taken as missing."""
 
     @property
     def size(self) -> int:
@@ -68,7 +71,7 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     """
     values = {m.target: source.numbers(m) for m in mappings}
     if _is_whole(source, mappings, values):
-        return _finished(Converted(values), rate_hz)
+        return _with_rotations(source, _finished(Converted(values), rate_hz))
     kept = _where_not(source.blank())
     values = {name: _rows(column, kept) for name, column in values.items()}
     text = {m.target: _rows(source.has_text(m), kept) for m in mappings}
@@ -87,7 +90,8 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     columns = {name: _rows(column, good) for name, column in values.items()}
     damage = _words(source, mappings, kept, damaged, footer, lacking)
     gaps = np.flatnonzero(bad & ~_after_last(~bad))
-    return _finished(Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
+    table = _finished(Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
+    return _with_rotations(source, table)
 
 
 def _is_whole(source: Source, mappings: Sequence[ColumnMap], values: Mapping[str, Array]) -> bool:
@@ -105,6 +109,23 @@ def _finished(table: Converted, rate_hz: float | None) -> Converted:
     if "ref_angle_deg" in columns:
         columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
     return replace(table, columns=columns)
+
+
+def _with_rotations(source: Source, table: Converted) -> Converted:
+    """The table without the few orientations whose quaternion has not the length 1; a row of zeros is missing anyway."""
+    if not set(QUATERNION) <= set(table.columns):
+        return table
+    size = np.sqrt(sum(table.columns[name] ** 2 for name in QUATERNION))
+    wrong = (np.abs(size - 1) > UNIT_WITHIN) & (size > 0)
+    if not 0 < wrong.sum() <= MOST_DAMAGED * wrong.size:
+        return table
+    first, count = int(np.flatnonzero(wrong)[0]), int(wrong.sum())
+    many = f"{count} damaged orientations are" if count > 1 else "a damaged orientation is"
+    row = source.first_row + table.row(first)
+    told = f"{many} left out (row {row}: the quaternion has the length {size[first]:.4g}, not 1)"
+    columns = {name: np.where(wrong, np.nan, table.columns[name]) for name in QUATERNION}
+    damage = ", and ".join(filter(None, (table.damage, told)))
+    return replace(table, columns={**table.columns, **columns}, damage=damage, orientations=count)
 
 
 def _written_once(table: Converted) -> Converted:

@@ -29,11 +29,8 @@ class Taken:
     target: str
     unit: str | None
     why: str
-
-    @property
-    def map(self) -> str:
-        """The mapping as an option states it, but for its factor."""
-        return f"{self.target}={self.column}" + (f":{self.unit}" if self.unit else "")
+    map: str
+    """The mapping as an option states it."""
 
     def to_json(self) -> dict[str, Any]:
         """The fields by name."""
@@ -46,7 +43,9 @@ def first_rows(source: Source, mappings: Sequence[ColumnMap], guessed: Sequence[
     names = list(dict.fromkeys(m.column for m in mappings))
     rows = source.frame.select(names).filter(~pl.all_horizontal(pl.all().is_null())).head(SHOWN_ROWS)
     return tuple(
-        Taken(source.label, m.column, tuple(map(_shown, rows[m.column])), m.target, m.unit, why.get(m.target, "as stated"))
+        Taken(
+            source.label, m.column, tuple(map(_shown, rows[m.column])), m.target, m.unit, why.get(m.target, "as stated"), m.text
+        )
         for m in mappings
     )
 

@@ -27,7 +27,7 @@ from gyrocal.recording.joined import Files, stem_of
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.run import points_up
-from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
+from gyrocal.recording.session import AXES, Array, Run, Session, check_rate_known, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import goes_back, period_s
@@ -231,7 +231,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened if w.code == "sample_rate"})
     hung = sum(w.code == "constant_reading" for w in evened)
     counts = {"rests": rests, "hung": hung, "times": times, "rows": table.left_out, "twice": table.repeated}
-    counts["cells"] = table.cells
+    counts |= {"cells": table.cells, "orientations": table.orientations}
     rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
     corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
     session = Session(
@@ -309,13 +309,16 @@ def _run(
     columns |= {name: np.zeros(end - start) for name in REQUIRED[1:] if name not in columns}
     if options.needs_rate:
         _check_reference(cut, columns, options.reference, source.not_taken(mappings))
-    return Run(
+    run = Run(
         index, file, meta.get("scenario", "s000"), _face(meta, columns, run_axis), run_axis,  # type: ignore[arg-type]
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
         rate_hz or _nominal_rate_hz(columns["t_s"]),
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
         turn_se_deg=meta.get("turn_se_deg"), reference=options.reference,
     )  # fmt: skip
+    if options.needs_rate:
+        check_rate_known(run)
+    return run
 
 
 def _since_power_on(cut: Cut, table: Converted, power_on_s: float | None) -> Cut:

@@ -22,7 +22,7 @@ from gyrocal.recording.header import (
     write_header,
 )
 from gyrocal.recording.registration import ReferenceParameter, RegistrationFit
-from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
+from gyrocal.recording.run import AXES, GAP_PERIODS, NO_RATE, Array, Run
 from gyrocal.recording.table import write_table
 from gyrocal.shown import Shown
 
@@ -85,7 +85,7 @@ class Session(Shown):
             if not os.path.isfile(folder / run.file):  # False too for a name that no file can have
                 raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
             if check:
-                _check_rate_known(run)
+                check_rate_known(run)
         return session.with_runs(following(session.runs)) if check else session
 
     @staticmethod
@@ -188,12 +188,15 @@ def following(runs: Sequence[Run]) -> list[Run]:
     return out
 
 
-def _check_rate_known(run: Run) -> None:
+def check_rate_known(run: Run) -> None:
+    """InputError unless a run has a true rate, or what stands in its place, and its reference can be read."""
     where = run.path or run.file
     if run.reference.kind == "gravity":
         _check_hands(run)
         return
     if run.reference_dps is None and run.table_rate_dps is None and run.turn_deg is None:
+        if run.measured_rates is not None:
+            raise InputError(f"{where}: {NO_RATE}")
         raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a reference's columns")
 
 

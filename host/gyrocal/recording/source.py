@@ -35,6 +35,8 @@ MINUTES = r"^(\d{1,5}):(\d\d(?:\.\d+)?)$"
 """Minutes and seconds, as spreadsheets show them."""
 ZONE = r"(:\d\d(?:\.\d+)?) ?(?:Z|[A-Z]{3,5}|([+-]\d\d:?\d\d))$"
 """A time zone behind a time: UTC's letter, a name, or hours and minutes ahead of UTC."""
+MARKED = r"^(\d{4})[-_/.](\d\d)[-_/.](\d\d)[-_ T](\d\d)[-_.](\d\d)[-_.](\d\d)"
+"""A date and a time of day whose numbers stand between other marks than colons, as in names of files."""
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
@@ -187,7 +189,7 @@ def moments_ns(column: pl.Series) -> pl.Series | None:
     """
     if column.dtype != pl.String:
         return column.cast(pl.Datetime("ns")).cast(pl.Int64) if column.dtype == pl.Datetime else None
-    zoned = column.str.strip_chars()
+    zoned = column.str.strip_chars().str.replace(MARKED, "$1-$2-$3 $4:$5:$6")
     text = zoned.str.replace(ZONE, "$1")
     parts = [text.str.extract(MINUTES, group).cast(pl.Float64) for group in (1, 2)]
     if parts[1].null_count() < len(text):

@@ -30,6 +30,8 @@ PART_BURSTS = 16
 """Bursts in a part of which the slope is taken."""
 FEWEST_PARTS = 4
 """Parts whose slopes have a scatter worth the name."""
+ENDS = 8
+"""Part of the samples at either end that tell whether an interval makes the length of the recording."""
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LONG = 1.5
@@ -40,6 +42,8 @@ LOST = 0.7
 """Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
 """The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
+STALLED = 4.0
+"""A stamp this many standard deviations late, and :data:`LONG` intervals, is of a host that stalled or had just begun."""
 USUAL = 0.5
 """An interval is usual if it is off the median by less than this fraction of it."""
 MOSTLY_USUAL = 0.9
@@ -214,6 +218,15 @@ def _first_of_ticks(t_s: Array) -> Index:
     return np.flatnonzero(steps > 0) + 1
 
 
+def _timely(number: Index, t_s: Array) -> Index:
+    """The samples that a regression of stamps [n], s, on ``number`` [n] relies on: those of a host that did not stall."""
+    ticks = _first_of_ticks(t_s)
+    slope_s, start_s = np.polyfit(number[ticks], t_s[ticks] - t_s[0], 1)
+    late_s = t_s[ticks] - t_s[0] - start_s - slope_s * number[ticks]
+    middle_s, high_s = np.quantile(late_s, [0.5, 0.84])
+    return ticks[late_s - middle_s <= max(STALLED * float(high_s - middle_s), LONG * float(slope_s))]
+
+
 def _without_stale(t_s: Array) -> Array:
     """Stamps [n], s, that do not go back: those out of order tell nothing and are put on a line between their neighbours."""
     if step_range_s(t_s)[0] >= 0.0:
@@ -266,12 +279,13 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
-    number, ticks = np.zeros(0, dtype=np.intp), _first_of_ticks(t_s)
+    number = np.zeros(0, dtype=np.intp)
     for _ in range(ROUNDS):
         found = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
         if np.array_equal(found, number):
             break
-        number, interval_s = found, _slope_s(found[ticks], t_s[ticks])
+        timely = _timely(found, t_s)
+        number, interval_s = found, _slope_s(found[timely], t_s[timely])
     if _contradicts(t_s, number, interval_s, burst):
         return np.arange(n), _mean_step_s(np.diff(t_s)), False
     return number, interval_s, True
@@ -283,14 +297,16 @@ def _contradicts(t_s: Array, number: Index, interval_s: float, burst: int) -> bo
     The interval then does not make the length of the recording, or more samples are missing between two stamps than the step
     and a wait of the stamp before have room for.
     """
-    apart = (t_s - t_s[0]) / interval_s
-    off = abs(apart[-1] - number[-1])
+    late = (t_s - t_s[0]) / interval_s - number
+    ends = max(1, number.size // ENDS)
+    off = abs(float(np.median(late[-ends:]) - np.median(late[:ends])))
     if number[-1] + 1 == number.size:
         return bool(off > max(burst + LONG, STATED * number.size))
     if off > burst + LONG:
         return True
-    missing = np.diff(number) > 1
-    return bool(np.any(np.diff(number)[missing] > np.diff(apart)[missing] + burst + 0.5))
+    early, missing = -np.diff(late), np.diff(number) > 1
+    with_next = early + np.append(early[1:], 0.0)  # a sample may come on its own just before those that waited
+    return bool(np.any(np.minimum(early, with_next)[missing] > burst + 0.5))
 
 
 def _mean_with_gaps_s(t_s: Array) -> float:
@@ -366,6 +382,8 @@ def _is_on_demand(t_s: Array) -> bool:
     middle_s = float(np.median(steps))
     if steps.size < WINDOW or middle_s <= 0 or float(np.mean(steps < BURST * middle_s)) > LEAST_BURSTS:
         return False
+    if middle_s < USUAL * _mean_step_s(steps) and not _wanders(t_s):
+        return False
     off = np.clip(steps / middle_s - 1, -USUAL, USUAL)
     if float(np.mean(np.abs(off) > SCATTERED)) < OFTEN:
         return False
@@ -378,6 +396,17 @@ def catch_up(t_s: Array) -> bool:
     off = np.clip(steps / float(np.median(steps)) - 1, -USUAL, USUAL)
     off = off - off.mean()
     return float(off[1:] @ off[:-1]) <= CATCHES_UP * float(off @ off)
+
+
+def _wanders(t_s: Array) -> bool:
+    """True if the time that many steps of stamps [n], s, take scatters nearly as that of chance steps: no even course has that.
+
+    False if the stamps are too few to tell.
+    """
+    if t_s.size < FEWEST_PARTS**2 * WINDOW:
+        return False
+    early_s, late_s = np.quantile(t_s[WINDOW:] - t_s[:-WINDOW], [0.16, 0.84])
+    return bool((late_s - early_s) / 2 > USUAL * WINDOW**0.5 * float(np.std(_usual(np.diff(t_s)))))
 
 
 def _even_interval_s(t_s: Array) -> float:
@@ -402,9 +431,14 @@ def _slope_s(number: Index, t_s: Array) -> float:
 
 def _mean_step_s(steps_s: Array) -> float:
     """The mean of steps [n], s, without the longest, which may be gaps."""
+    return float(np.mean(_usual(steps_s)))
+
+
+def _usual(steps_s: Array) -> Array:
+    """Steps [n], s, in any order, without the longest, which may be gaps."""
     longest = min(int(np.ceil(steps_s.size * GAPS)), int(MOST_GAPS * np.sum(steps_s > 0)))
     kept = max(1, steps_s.size - longest)
-    return float(np.mean(np.partition(steps_s, kept - 1)[:kept]))
+    return np.partition(steps_s, kept - 1)[:kept]
 
 
 def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
@@ -454,8 +488,10 @@ def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
     lost = np.zeros(t_s.size, dtype=np.intp)
     since = 0
     for i in np.flatnonzero(steps[: -least or None] > LONG * interval_s).tolist():
+        stall_s = float(steps[max(0, i - WINDOW) : i + 2].max())
+        waits = min(round(stall_s / interval_s), size)  # samples that may still come late
         i += 1
-        shift_s = earliest_s(late_s[i : i + size]) - earliest_s(late_s[max(since, i - size) : i])
+        shift_s = earliest_s(late_s[i : i + max(size, 4 * waits)]) - earliest_s(late_s[max(since, i - size) : i])
         count = round(shift_s / interval_s + 0.5 - LOST)
         if count > 0:
             lost[i] = count
@@ -468,7 +504,7 @@ def _chain(number: Index, t_s: Array, knots: int) -> Array:
     """Least squares of times on numbers by a line with bends at ``knots`` moments, evenly spaced."""
     from scipy.linalg import solveh_banded
 
-    ticks = _first_of_ticks(t_s)
+    ticks = _timely(number, t_s)
     x = (number - number[0]) / max(1, int(number[-1] - number[0])) * (knots - 1)
     piece = np.minimum(x.astype(np.intp), knots - 2)
     right = x - piece

@@ -59,7 +59,7 @@ def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
     ``path`` names the ``file``, which begins with ``head``.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadWarning
+    from scipy.io.matlab import MatlabOpaque, MatReadWarning
 
     if HDF5 in head:
         raise InputError(f"{path}: a MATLAB file of version 7.3, which is not read; save it with: save FILE -v7")
@@ -69,7 +69,21 @@ def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
             loaded = loadmat(file, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a damaged file
         raise InputError(f"{path}: not a readable MATLAB file: {first_line(error)}") from None
-    return of_arrays(path, dict(_flat(loaded)), holds=_a_gyroscope)
+    arrays = dict(_flat(loaded))
+    try:
+        return of_arrays(path, arrays, holds=_a_gyroscope)
+    except InputError:
+        if found := next((value for value in arrays.values() if isinstance(value, MatlabOpaque)), None):
+            raise InputError(f"{path}: {_what_object(found)}") from None
+        raise
+
+
+def _what_object(found: Any) -> str:
+    """What an object of MATLAB's own classes is, of which a file shows the name and the class alone, and what to do with it."""
+    name, _, kind = (part.decode() if isinstance(part, bytes) else str(part) for part in found.ravel()[0].tolist()[:3])
+    writes = {"timetable": f"writetimetable({name}, '{name}.csv')", "table": f"writetable({name}, '{name}.csv')"}
+    advice = writes.get(kind, "save its arrays of numbers as variables, or as columns of a CSV")
+    return f"{name} is an object of MATLAB's class {kind}, which MATLAB alone reads. There: {advice}"
 
 
 def _a_gyroscope(table: Source) -> bool:

@@ -32,6 +32,8 @@ BRACKETED = re.compile(r"\[\S*\]|\(\S*\)")
 """A unit in brackets."""
 DECIMAL_COMMAS = "decimal commas and commas between the cells look alike; save it with semicolons or tabs between the cells"
 EMPTY_BY_TABS = re.compile(r"\t *\t|^ *\t")
+FIRST_CELLS = 3
+"""Cells of a row among which one names its kind, as after a time."""
 CLOCK = re.compile(r"\d:\d\d")
 """What a cell that holds a time of day has."""
 
@@ -103,6 +105,8 @@ def find_rows(
                 rows = _rows_below(lines, number - 1, separator)
                 if _width(rows) == len(cells):
                     return Layout(list(columns), len(cells), number, separator)
+    if several := several_kinds(lines):
+        raise InputError(f"{path}: no row of {len(columns)} cells with numbers: {several}")
     named = ", ".join(dict.fromkeys(names or columns))
     most = counted.most_common(1)
     other = f"most rows have {most[0][0]} cells: name as many; " if most and most[0][1] and most[0][0] != len(columns) else ""
@@ -146,14 +150,36 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
     if len(lines) < 3 and len(head) > 1 and not mostly_numbers(head):
         rows = "1 row" if len(lines) == 2 else "no rows"
         return f"{rows} below the header; a recording has two samples at least"
+    if several := several_kinds(lines):
+        return several
     last = lines[-1]
     if last.count(",") + 1 == 2 * len(_without_tail(_cells(lines[0], ","))) > 2:
         return DECIMAL_COMMAS
-    if re.search(r"\b0[xX][0-9a-fA-F]+\b", last):
+    cells = max((_cells(last, separator) for separator in SEPARATORS), key=len)
+    if sum(re.fullmatch(r"[-+]?0[xX][0-9a-fA-F]+", cell) is not None for cell in cells) > 1:
         return "hexadecimal numbers are not read; write decimal ones"
-    if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[-+.\d]+", last):
+    if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[(\[]?[-+.\d]+", last):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
     return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+
+
+def several_kinds(lines: Sequence[str]) -> str:
+    """What to do with rows of several kinds and widths, each with its kind in one of its first cells; empty for other rows."""
+    for separator in SEPARATORS:
+        rows = [_cells(line, separator) for line in lines if _holds_row(line, separator)]
+        for place in range(FIRST_CELLS):
+            named = [row for row in rows if len(row) > place + 1 and re.fullmatch(r"[A-Za-z]\w*", row[place])]
+            counted = Counter(row[place] for row in named if mostly_numbers(row[:place] + row[place + 1 :]))
+            kinds = [kind for kind, count in counted.most_common() if count > 1]
+            of_kinds = [row for row in named if row[place] in kinds]
+            if 1 < len(kinds) <= len(of_kinds) / 4 and 2 * len(of_kinds) > len(rows) and len(set(map(len, of_kinds))) > 1:
+                numbers = Counter({kind: max(len(row) for row in of_kinds if row[place] == kind) for kind in kinds})
+                kind = numbers.most_common(1)[0][0]
+                return (
+                    f"rows are of several kinds, named in cell {place + 1}: {', '.join(kinds)}. Keep the rows of one kind in a "
+                    f"file of their own, as {kind}, and name all columns of it in their order"
+                )
+    return ""
 
 
 def _named(lines: Sequence[str], names: Sequence[str], skip: int | None) -> Iterator[Layout | _Mismatch]:

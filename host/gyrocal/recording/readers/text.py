@@ -195,6 +195,10 @@ def _of_other_width(path: Path, body: bytes, table: pl.DataFrame, layout: Layout
     count, total = int(odd.sum()), int((~blank).sum())
     if count > MOST_DAMAGED * total:
         row = int(np.flatnonzero(odd)[0])
+        last = min(ends.size - 1, HEADER_SEARCH_LINES)
+        first_lines = body[ends[0] + 1 : ends[last]].decode("utf-8", errors="replace").split("\n")
+        if several := layouts.several_kinds(first_lines):
+            raise InputError(f"{path}: row {layout.first + 1 + row}: {several}")
         raise InputError(
             f"{path}: row {layout.first + 1 + row}: {widths[row]} cells, and the table has {layout.width} in a row; {count} of "
             f"{total} rows are so. Correct or delete these rows, or name all columns in their order by {option}columns a,b,c"
