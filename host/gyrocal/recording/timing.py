@@ -23,6 +23,7 @@ NEGLIGIBLE_NOISE = 2e-3
 """Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
 LARGEST_LOSS = 0.3
 """Largest loss of a twice-smoothed motion, as a fraction of the error that the reference's noise gives a scale."""
+KEPT_FILTERS = 4
 STEP = 0.01
 """Relative step of the numerical derivative by the filter's time constant."""
 
@@ -40,6 +41,18 @@ class Timing:
 
 
 SYNCHRONOUS = Timing()
+
+
+@dataclass(frozen=True)
+class _Polynomials:
+    """A cubic spline at times [n]: the number of each time's piece, the time since that began, value and derivatives, [n]."""
+
+    piece: np.ndarray[Any, np.dtype[np.intp]]
+    since_s: Array
+    rate_dps: Array
+    first: Array
+    second: Array
+    third: Array
 
 
 @dataclass(frozen=True)
@@ -90,13 +103,14 @@ class Motion:
     def rate_dps(self, t_s: Array, timing: Timing = SYNCHRONOUS) -> Array:
         """The rate that samples at ``t_s`` [n] show, deg/s. The nearest recorded moment stands for one without a reference."""
         at_s = self._moment_within_s(t_s, timing)
-        return self._filtered_dps(at_s, timing.filter_s) if timing.filter_s > 0 else np.asarray(self._spline(at_s))
+        return self._filtered_dps(self._polynomials(at_s), timing.filter_s) if timing.filter_s > 0 else self._spline(at_s)
 
     def by_delay(self, t_s: Array, timing: Timing) -> Array:
         """Derivative of :meth:`rate_dps` by ``delay_s``, deg/s^2."""
         at_s = self._moment_within_s(t_s, timing)
         if timing.filter_s > 0:
-            return np.asarray((self._filtered_dps(at_s, timing.filter_s) - self._spline(at_s)) / timing.filter_s)
+            at = self._polynomials(at_s)
+            return np.asarray((self._filtered_dps(at, timing.filter_s) - at.rate_dps) / timing.filter_s)
         return np.asarray(-self._spline(at_s, 1))
 
     def by_clock(self, t_s: Array, timing: Timing) -> Array:
@@ -107,31 +121,48 @@ class Motion:
         """Derivative of :meth:`rate_dps` by ``filter_s``, deg/s^2."""
         step_s = STEP * max(timing.filter_s, self._reach_s)
         low_s, high_s = max(timing.filter_s - step_s, 0.0), timing.filter_s + step_s
-        at_s = self._moment_within_s(t_s, timing)
-        low_dps = self._filtered_dps(at_s, low_s) if low_s > 0 else self._spline(at_s)
-        return np.asarray((self._filtered_dps(at_s, high_s) - low_dps) / (high_s - low_s))
+        at = self._polynomials(self._moment_within_s(t_s, timing))
+        low_dps = self._filtered_dps(at, low_s) if low_s > 0 else at.rate_dps
+        return np.asarray((self._filtered_dps(at, high_s) - low_dps) / (high_s - low_s))
 
-    def _filtered_dps(self, at_s: Array, tau_s: float) -> Array:
+    def _polynomials(self, at_s: Array) -> _Polynomials:
+        """The spline's pieces at times [n], s, as one search for all of its derivatives."""
+        piece = np.clip(np.searchsorted(self.known_s, at_s, side="right") - 1, 0, self.known_s.size - 2)
+        since_s = at_s - self.known_s[piece]
+        third, half, slope, rate = self._spline.c[:, piece]
+        return _Polynomials(
+            piece, since_s, rate + since_s * (slope + since_s * (half + since_s * third)),
+            slope + since_s * (2 * half + since_s * (3 * third)), 2 * half + since_s * (6 * third), 6 * third,
+        )  # fmt: skip
+
+    def _filtered_dps(self, at: _Polynomials, tau_s: float) -> Array:
         """The rate behind a first-order low-pass, exact for the spline.
 
         In each piece of the spline the solution of ``x + tau x' = w`` is a cubic polynomial plus a decaying exponential.
         Before the first sample the filter is taken to follow the first piece.
         """
+        steady = at.rate_dps - tau_s * (at.first - tau_s * (at.second - tau_s * at.third))
+        fading = np.where(at.since_s >= 0, np.exp(-np.maximum(at.since_s, 0.0) / tau_s), 1.0)
+        return np.asarray(steady + self._excess_dps(tau_s, int(at.piece.max()) + 1)[at.piece] * fading)
+
+    def _excess_dps(self, tau_s: float, pieces: int) -> Array:
+        """The size of the exponential at the start of each of the first ``pieces``, kept for the last time constants."""
         from scipy.linalg import solve_banded
 
-        pieces = max(1, int(np.searchsorted(self.known_s[1:-1], at_s.max(), side="right")) + 1)
-        jump = 6 * tau_s**3 * np.diff(self._spline.c[0, :pieces])  # of the third derivative from piece to piece
-        decay = np.exp(-np.diff(self.known_s[: pieces + 1]) / tau_s)
-        size = decay.size
-        bands = np.zeros((2, size))
-        bands[0], bands[1, :-1] = 1.0, -decay[:-1]
-        excess = solve_banded((1, 0), bands, np.concatenate([[0.0], jump]))
-        piece = np.clip(np.searchsorted(self.known_s, at_s, side="right") - 1, 0, size - 1)
-        since_s = at_s - self.known_s[piece]
-        third = self._spline(at_s, 3)
-        steady = self._spline(at_s) - tau_s * (self._spline(at_s, 1) - tau_s * (self._spline(at_s, 2) - tau_s * third))
-        fading = np.where(since_s >= 0, np.exp(-np.maximum(since_s, 0.0) / tau_s), 1.0)
-        return np.asarray(steady + excess[piece] * fading)
+        kept = self._kept
+        if tau_s not in kept or kept[tau_s].size < pieces:
+            jump = 6 * tau_s**3 * np.diff(self._spline.c[0, :pieces])  # of the third derivative from piece to piece
+            bands = np.zeros((2, pieces))
+            bands[0], bands[1, :-1] = 1.0, -np.exp(-np.diff(self.known_s[:pieces]) / tau_s)
+            kept.pop(tau_s, None)
+            while len(kept) >= KEPT_FILTERS:
+                kept.pop(next(iter(kept)))
+            kept[tau_s] = solve_banded((1, 0), bands, np.concatenate([[0.0], jump]))
+        return kept[tau_s]
+
+    @cached_property
+    def _kept(self) -> dict[float, Array]:
+        return {}
 
 
 def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:

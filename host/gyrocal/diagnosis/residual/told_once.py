@@ -30,12 +30,8 @@ from gyrocal.variables.time import Time
 OfFrequency = Callable[[Fit, str, dict[int, Array], float], list[Finding]]
 
 def leader(current: AxisFit, found: Sequence[Finding]) -> Finding | None:
-    """The strongest of the findings that describe nearly as much of the residual, as it is drawn, as any other.
-
-    Findings far weaker than the strongest have no part in it: a shape of each run describes more of any residual.
-    """
-    strongest = max((f.strength for f in found), default=0.0)
-    parts = [(drawn_power(current, f), f) for f in found if f.strength**2 >= POLICY.of_finding * strongest**2]
+    """The strongest of the findings that describe nearly as much of the residual, as it is drawn, as any other."""
+    parts = [(drawn_power(current, f), f) for f in found]
     most = max((p for p, _ in parts), default=0.0)
     return max((f for p, f in parts if p >= (1 - POLICY.alike) * most), key=lambda f: f.strength, default=None)
 
