@@ -144,6 +144,7 @@ class Checks(TypedDict):
     share: Number
     same_in_parts_p: Number
     difference: Number
+    parts: list[str]
     passed: bool
 
 
@@ -455,7 +456,7 @@ class Demo(TypedDict):
 ANSWERS: dict[str, tuple[Any, str]] = {
     "add": (Add, "1.1"), "allan": (Allan, "1.1"), "apply": (Apply, "1.0"), "benchmark": (Benchmark, "1.1"),
     "calibrate": (Calibrate | Histories, "1.0"), "compare": (Compare, "1.1"), "demo": (Demo, "1.3"), "device": (Device, "1.0"),
-    "diagnose": (Diagnose, "1.1"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
+    "diagnose": (Diagnose, "1.2"), "doctor": (Doctor, "1.0"), "effects": (Effects, "1.0"), "explain": (Explain, "1.0"),
     "export": (Export, "1.1"),
     "firmware": (Firmware, "1.0"), "fleet": (Fleet, "1.0"), "import": (Imported, "1.1"), "info": (Info, "1.2"),
     "keep": (Keep, "1.1"), "monitor": (Event, "1.2"), "plan": (Plan, "1.0"), "plot": (Plot, "1.0"), "record": (Record, "1.1"),

@@ -208,6 +208,21 @@ def test_words_of_an_explanation(explained: Explanation, tmp_path: Path, capsys:
         write_explanation(tmp_path / "absent" / "e.html", found)
 
 
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_a_model_that_is_not_written_is_told(more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The session contradicts itself: its rates are twice what the table turned."""
+    t_s, rng = np.arange(600) / 100.0, np.random.default_rng(0)
+    runs = [
+        make_run(t_s, rng.normal([0.3, 0.2, 0.1 + 2 * rate], 0.05, (600, 3)), table_rate_dps=rate) for rate in (40.0, 80.0)
+    ]
+    make_session(*runs).save(tmp_path / "s")
+    model = tmp_path / "m.toml"
+    assert main(["explain", str(tmp_path / "s"), "-o", str(model), *more]) == 0
+    told = capsys.readouterr()
+    assert "m.toml is not written, because the session contradicts itself" in " ".join((told.err if more else told.out).split())
+    assert not model.exists()
+
+
 def _slow_and_warm(seed: int, white_dps: float, rise_c: float) -> Session:
     """Six runs of one power cycle, in which the y axis settles and follows the temperature."""
     rng, t_s, runs = np.random.default_rng(seed), np.arange(3200) / 200.0, []

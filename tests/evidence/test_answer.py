@@ -7,6 +7,7 @@ import pytest
 
 from gyrocal.evidence import weights
 from gyrocal.evidence.answer import Evidence, _Weighing, weigh
+from gyrocal.evidence.checked import PAIRS
 from gyrocal.evidence.discrepancy import shapes
 from gyrocal.evidence.hypotheses import options
 from gyrocal.evidence.matrix import Matrix, runs_of
@@ -58,6 +59,17 @@ def test_an_effect_that_is_planted_is_certain_and_passes_both_checks() -> None:
     checks = found.checks["scale_asymmetry"]
     assert checks.share > 0.5
     assert (checks.same_in_parts_p or 0.0) > 1e-3
+    assert set(checks.parts) == PAIRS.keys() - {"direction"}  # as one direction has more of it than the other, so has a scale
+
+
+def test_only_parts_that_the_session_has_are_compared() -> None:
+    made = session(2, lambda t, c, w, k: 0.02 * c)
+    assert {"temperature", "direction"} < set(evidence(made).checks["bias_temperature"].parts)
+    made = session(2, lambda t, c, w, k: 4e-4 * abs(w))
+    bare = replace(made, runs=tuple(replace(run, frame=run.table.drop("temp_c")) for run in made.runs))
+    assert "temperature" not in evidence(bare).checks["scale_asymmetry"].parts
+    made = session(2, lambda t, c, w, k: 0.02 * c, rates_dps=(0.0, 60.0, 120.0))
+    assert "direction" not in evidence(made).checks["bias_temperature"].parts
 
 
 def test_two_effects_that_hide_each_other_are_found_together() -> None:
@@ -80,6 +92,7 @@ def test_an_effect_in_half_of_the_data_is_not_the_same_in_parts() -> None:
     found = evidence(session(5, lambda t, c, w, k: 8e-4 * abs(w) * (k >= 3)))
     checks = found.checks.get("scale_asymmetry")
     assert checks is None or (checks.same_in_parts_p is not None and checks.same_in_parts_p < 1e-3)
+    assert checks is None or checks.parts[0] == "power_cycle"
 
 
 def test_the_order_of_the_runs_changes_nothing() -> None:

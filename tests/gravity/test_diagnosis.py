@@ -9,19 +9,23 @@ import numpy as np
 import polars as pl
 import pytest
 
+from by_hand import turned_by
 from gyrocal.cli import main
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.effects.base import effect
+from gyrocal.effects.base import Effect, effect
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.compare import compare, measure, residual_table
 from gyrocal.gravity.diagnose import add, diagnose, explain
+from gyrocal.gravity.evidence import Evidence
 from gyrocal.gravity.fit import full
-from gyrocal.gravity.naming import _decided
+from gyrocal.gravity.naming import _decided, candidates
 from gyrocal.gravity.scene import Scene
 from gyrocal.simulation.simulate import simulate
 
 pytestmark = pytest.mark.usefixtures("known_answers")
+
+TURNS = [(axis, sign * 90.0) for axis in "xyz" for sign in (1, -1)] * 2
 
 
 def test_explain_finds_the_whole_matrix_and_what_is_left_is_noise() -> None:
@@ -148,6 +152,22 @@ def test_a_name_must_gain_as_much_as_one_that_the_evidence_of_sets_alone_gives(g
 
     seen = Candidate(effect("scale_asymmetry"), "y", "reject", chance=1e-9, q_value=1e-6, gain=gain, gain_se=1.0, enough=True)
     (found,) = _decided([seen], cast(Any, Columns()))
+    assert found.decision == decision
+
+
+@pytest.mark.parametrize(("leak", "decision"), [(0.05, "suggest"), (-1.61, "reject")])
+def test_an_effect_larger_than_any_sensor_has_it_is_not_suggested(
+    leak: float, decision: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Movements that hardly turn gravity leave a misalignment as unsure as this."""
+
+    def judge(_: Evidence, effect: Effect, axis: str) -> Candidate:
+        if (effect.id, axis) != ("misalignment", "y"):
+            return Candidate(effect, axis, "not_measurable")
+        return Candidate(effect, axis, "reject", {"m_x": leak}, {"m_x": 0.02}, chance=1e-6, q_value=1e-5, gain=3.0, gain_se=2.0)
+
+    monkeypatch.setattr(Evidence, "judge", judge)
+    (found,) = (c for c in candidates(measure(turned_by(TURNS)).evidence) if c.decision != "not_measurable")
     assert found.decision == decision
 
 

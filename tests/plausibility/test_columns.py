@@ -117,6 +117,19 @@ def test_the_unit_of_a_turning_acceleration(across: bool) -> None:
     assert "9.8" in told[0].text
 
 
+@pytest.mark.parametrize(("pause_s", "scale", "told"), [(1.0, 1.0, 0), (1.0, 1.4, 1), (0.0, 1.4, 0), (1.0, 9.80665, 1)])
+def test_acceleration_is_judged_where_a_moving_sensor_is_quiet(pause_s: float, scale: float, told: int) -> None:
+    """A hand shakes the sensor so that |a| is far from gravity, with a pause in each run or without any."""
+    rng, t_s = np.random.default_rng(3), np.arange(2000) / 100.0
+    moves = t_s > pause_s
+    rate = np.where(moves, 200 * np.sin(8 * t_s) + 150 * np.sin(13 * t_s), 0.0)
+    acc = scale * (np.array([0.0, 0.0, 1.0]) + 0.9 * moves[:, None] * np.sin(np.outer(t_s, [20.0, 27.0, 31.0])))
+    gyro = np.column_stack([0 * rate, 0 * rate, rate]) + rng.normal(0, 0.05, (2000, 3))
+    columns = {f"a{axis}_g": acc[:, i] + rng.normal(0, 0.003, 2000) for i, axis in enumerate("xyz")}
+    run = make_run(t_s, gyro, rate_ref_dps=rate + rng.normal(0, 0.02, 2000), **columns)
+    assert [w.code for w in check(make_session(run))] == ["accel_unit"] * told
+
+
 def test_a_face_that_gravity_contradicts_in_another_unit() -> None:
     session = pair(np.arange(1000) / 100.0, acc_unit=9.80665, across=False)
     rest = replace(session.runs[0], table_rate_dps=0.0, face="down", index=2, file="rest.csv")

@@ -1,12 +1,15 @@
 """Readings by themselves: what stands still, what is cut off, how a run begins; at any sample rate and size of a count."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from by_hand import turned_by
 from gyrocal.calibration.trust import reading_flags
 from gyrocal.diagnosis.residual.reading_tests import reading_fault
 from gyrocal.plausibility import check
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from make_runs import Array, make_run, make_session
 
 
@@ -270,3 +273,15 @@ def test_as_many_first_samples_are_to_be_dropped_as_stand_off(off: int, words: s
     (told,) = check(recorded(readings))
     assert told.code == "first_sample"
     assert words in told.text
+
+
+@pytest.mark.parametrize("range_dps", [250.1, 500.0, None])
+def test_a_turn_by_hand_that_is_cut_off_is_told(range_dps: float | None) -> None:
+    """In counts of a tenth, and so fast that few readings lie just below the end of the range."""
+    session = turned_by([("x", 270.0), ("x", -270.0), ("y", 270.0), ("y", -270.0)])
+    cut = [np.clip(rounded(run.gyro_dps, 0.1), -(range_dps or np.inf), range_dps or np.inf) for run in session.runs]
+    columns = [{f"g{a}_dps": y[:, i] for i, a in enumerate(AXES)} for y in cut]
+    runs = [replace(r, frame=r.table.with_columns(**c)) for r, c in zip(session.runs, columns, strict=True)]
+    told = check(session.with_runs(runs))
+    assert [(w.code, w.axis) for w in told] == ([] if range_dps is None else [("clipped", "x"), ("clipped", "y")])
+    assert all(f"{range_dps:g} dps" in w.text and "saturation" not in w.text for w in told)

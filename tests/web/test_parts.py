@@ -48,6 +48,12 @@ def test_a_variable_that_does_not_vary_parts_nothing() -> None:
     assert ("cold", "warm") not in {h.names for h in halves("z", signal, of)}
 
 
+def test_a_table_that_turns_one_way_has_no_other_direction() -> None:
+    signal, of = recordings(1.0, 1.0)
+    of["rate_z"] = np.where(of["run"] % 2 == 0, 78.0, 0.0)
+    assert ("one direction", "the other") not in {h.names for h in halves("z", signal, of)}
+
+
 def test_the_picture_of_the_checks_has_words_for_those_who_do_not_see_it() -> None:
     told = checks_svg(0.97, [Halves(("cold", "warm"), (1.5, 0.5), (0.05, 0.06))])
     assert 'aria-label="checks: share 97 %; cold 1.50, warm 0.50"' in told

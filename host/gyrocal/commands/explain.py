@@ -24,7 +24,8 @@ def run(
     """
     from gyrocal.diagnosis.answer.explain import explain
     from gyrocal.present.explanation import print_explanation, write_explanation
-    from gyrocal.present.output import emit, working
+    from gyrocal.present.output import emit, stderr, working
+    from gyrocal.present.report import kept_in
     from gyrocal.recording.session import Session
 
     want_pictures(html)
@@ -43,5 +44,7 @@ def run(
         write_explanation(html, found)
     if as_json:
         emit(found.to_json())
+        if found.verdict == "implausible" and target is not None:
+            stderr.print(kept_in(target, found.model.ids, found.verdict))
     else:
         print_explanation(found, session, target)

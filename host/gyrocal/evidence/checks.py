@@ -1,9 +1,8 @@
 """Two checks of an effect that leads, which a person understands and a picture can show.
 
 *Share*: of what the effect and a rest without a name explain together on the axis, the effect explains most. *The same in
-parts*: its coefficient is the same early and late in the runs, slow and fast, in both directions, in early and late power
-cycles, cold and warm, soon and long after power-on. A disturbance that resembles an effect passes for it as a whole, but hardly
-in each part.
+parts*: its coefficient is the same in both parts of each pair of :data:`PAIRS` of which the data have both and which show it. A
+disturbance that resembles an effect passes for it as a whole, but hardly in each part.
 """
 
 from __future__ import annotations
@@ -28,6 +27,8 @@ STATES = 6
 """Number of the likeliest states of the noise over which the probability of different coefficients is averaged."""
 LEAST_APART = 1e-9
 """Power of a part's column beside the model, as a part of the effect's, below which it is the rounding of sums."""
+Half = Callable[[Run], Array | None]
+"""The samples of the second half of the data: 1, the others 0; None where a run does not know."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,8 @@ class _Part(Free):
 
     option: Option
     coefficients: Array
-    half: Callable[[Run], Array | None]
+    pair: str
+    half: Half
     share: float
 
     @property
@@ -61,7 +63,7 @@ def check(scales: Scales, weighed: Weighed, effects: Sequence[str]) -> dict[str,
         parts += [(effect, part) for part in _parts(matrix, option, term)]
     shares = _shares(scales, weighed)
     chances = _chances(scales, weighed, found, parts)
-    return {effect: Checks(shares[effect], *chances.get(effect, (None, 0.0))) for effect in effects}
+    return {effect: Checks(shares[effect], *chances.get(effect, (None, 0.0, ()))) for effect in effects}
 
 
 def _shares(scales: Scales, weighed: Weighed) -> dict[str, float]:
@@ -80,15 +82,21 @@ def _shares(scales: Scales, weighed: Weighed) -> dict[str, float]:
 
 def _parts(matrix: Matrix, option: Option, coefficients: Array) -> Iterator[_Part]:
     runs = [run for run in runs_of(matrix.fit) if not run.rate_is_mean]
-    for half in _halves(runs):
+    for pair, half in _halves(runs).items():
         known = [h for run in runs if (h := half(run)) is not None]
         share = float(np.mean(np.concatenate(known))) if known else 0.0
         if 0.0 < share < 1.0:
-            yield _Part(option, coefficients, half, share)
+            yield _Part(option, coefficients, pair, half, share)
 
 
-def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
-    """For each way to part the data, the samples of the second half: 1, the others 0; None where a run does not know."""
+def turns_both_ways(rate_dps: Array) -> bool:
+    """True if rates of either sign, [n], are more than the noise of a reference beside those of the other."""
+    power = [float(np.sum(rate_dps[sign * rate_dps > 0] ** 2)) for sign in (-1, 1)]
+    return min(power) > POLICY.shown_in_part * sum(power)
+
+
+def _halves(runs: Sequence[Run]) -> dict[str, Half]:
+    """The ways to part the data by the keys of :data:`PAIRS`."""
     cycles = list(dict.fromkeys(run.scenario for run in runs))
     late = set(cycles[(len(cycles) + 1) // 2 :])
 
@@ -102,20 +110,23 @@ def _halves(runs: Sequence[Run]) -> list[Callable[[Run], Array | None]]:
 
         return of
 
-    return [
-        above(elapsed_s), above(lambda run: np.abs(true_rate_dps(run))), above(temperature_c), above(cycle_time_s),
-        lambda run: (true_rate_dps(run) > 0).astype(float),
-        lambda run: np.full(len(run), float(run.scenario in late)),
-    ]  # fmt: skip
+    halves: dict[str, Half] = {
+        "time": above(elapsed_s), "speed": above(lambda run: np.abs(true_rate_dps(run))), "temperature": above(temperature_c),
+        "cycle_time": above(cycle_time_s), "power_cycle": lambda run: np.full(len(run), float(run.scenario in late)),
+    }  # fmt: skip
+    if runs and turns_both_ways(np.concatenate([true_rate_dps(run) for run in runs])):
+        halves["direction"] = lambda run: (true_rate_dps(run) > 0).astype(float)
+    return halves
 
 
 def _chances(
     scales: Scales, weighed: Weighed, found: Mapping[str, Array], parts: Sequence[tuple[str, _Part]]
-) -> dict[str, tuple[float, float]]:
+) -> dict[str, tuple[float, float, tuple[str, ...]]]:
     """For each effect, the probability that noise makes its coefficients differ as much between the parts of any pair.
 
     It is averaged over the states in which the noise may be. Beside it stands the rms of the largest difference that noise does
-    not explain, in parts of the effect's rms. ``found`` holds the coefficients of the effects.
+    not explain, in parts of the effect's rms, and the pairs that show the effect, the one that differs most first. ``found``
+    holds the coefficients of the effects.
     """
     if not parts:
         return {}
@@ -144,12 +155,12 @@ def _chances(
         shown |= seen
     known = weighed.bare[likeliest].sum()
     chances, differences = chances / known, differences / known
-    out: dict[str, tuple[float, float]] = {}
+    out: dict[str, tuple[float, float, tuple[str, ...]]] = {}
     for effect in dict.fromkeys(effect for effect, _ in parts):
-        mine = np.array([other == effect for other, _ in parts]) & shown
-        if mine.any():
-            count = int(mine.sum())
-            beyond = mine & (chances * count < POLICY.different_chance)
-            largest = differences[beyond] * np.sqrt(plain[beyond] / max(power[effect], 1e-300))
-            out[effect] = min(1.0, float(chances[mine].min()) * count), float(largest.max(initial=0.0))
+        mine = np.flatnonzero(shown & np.array([other == effect for other, _ in parts]))
+        if mine.size:
+            sizes = differences[mine] * np.sqrt(plain[mine] / max(power[effect], 1e-300))
+            sizes[chances[mine] * mine.size >= POLICY.different_chance] = 0.0
+            pairs = tuple(parts[mine[i]][1].pair for i in np.argsort(-sizes, kind="stable"))
+            out[effect] = min(1.0, float(chances[mine].min()) * mine.size), float(sizes.max()), pairs
     return out

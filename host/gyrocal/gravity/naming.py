@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
-from gyrocal.diagnosis.naming.decision import evident_gain, in_range, proven, with_q_values
+from gyrocal.diagnosis.naming.decision import evident_gain, in_range, proven, with_q_values, without_unphysical
 from gyrocal.diagnosis.naming.rivals import with_groups
 from gyrocal.effects.base import Effect, effects
 from gyrocal.error_model.model import Term
@@ -29,7 +29,7 @@ def candidates(evidence: Evidence, own: Sequence[Effect] = ()) -> list[Candidate
     seen = [(e, a) for e, a in wanted if visible(Term.of(e, a), fitted.scene)]
     evidence.prepare([t for e, a in seen for t in evidence.variants(e, a)])
     judged = with_q_values([evidence.judge(effect, axis) for effect, axis in wanted])
-    return sorted(with_groups(_decided(judged, evidence)), key=best_first)
+    return sorted(without_unphysical(with_groups(_decided(judged, evidence))), key=best_first)
 
 
 def _decided(judged: Sequence[Candidate], evidence: Evidence) -> list[Candidate]:

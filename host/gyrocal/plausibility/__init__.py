@@ -22,7 +22,9 @@ from gyrocal.warning import Warning, accepted
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
     if session.reference.kind == "gravity":  # no true rate is known, and the rests are checked when they are found
-        return accepted([*columns.check(session), *readings.repeated(session), *header.check(session)], session.accept)
+        cut = readings.clipped(session, Model.open(model), readings.clip_levels_dps(session))
+        found = [*cut, *columns.check(session), *readings.repeated(session), *header.check(session)]
+        return accepted(found, session.accept)
     session = registered(session)
     levels_dps = readings.clip_levels_dps(session)
     dead = readings.constant(session, levels_dps)

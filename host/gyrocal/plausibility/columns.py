@@ -10,7 +10,7 @@ from gyrocal.digits import percentage
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.stamps import course, in_bursts, lost, period_s, rate_changes, step_range_s
 from gyrocal.warning import Warning
 
@@ -34,8 +34,9 @@ def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
 def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
     """``accel_unit``, from the mean acceleration of each run at rest, in which vibration averages out.
 
-    Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias. Where
-    every rest moved, accelerations are no gravity, and only another unit is told.
+    Without one, the size of each sample is taken where the readings are quietest, because the mean over turning gravity is the
+    accelerometer's own bias, and motion adds to gravity. Where every rest moved or nothing is quiet, accelerations are no
+    gravity, and only another unit is told.
     """
     if session.reference.kind == "gravity":
         return _by_hand(session)
@@ -44,7 +45,8 @@ def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
     rests = [a for r, a in said if r.file not in moved]
     at_rest = [np.nanmean(a, axis=0)[None] for a in rests]
     at_rest = at_rest or [a[r.rate_dps == 0.0] for r, a in runs if not r.rate_is_mean and np.any(r.rate_dps == 0.0)]
-    samples = np.concatenate(at_rest or [a for _, a in runs] or [np.empty((0, 3))])
+    quiet, where = [] if at_rest else _quietest(session), "at rest" if at_rest else "where the readings are quietest"
+    samples = np.concatenate(at_rest or quiet or [a for _, a in runs] or [np.empty((0, 3))])
     norms = np.linalg.norm(samples, axis=1)
     norms = norms[np.isfinite(norms)]
     if not norms.size:
@@ -53,29 +55,45 @@ def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
     if abs(norm - 1) <= POLICY.gravity_off:
         return []
     unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < POLICY.gravity_off), None)
-    if said and not rests and unit is None:
+    if unit is None and ((said and not rests) or not (at_rest or quiet)):
         return []
     guess = f"it is in {unit}" if unit else "its unit or its scale is wrong"
     text = (
-        f"the acceleration at rest is {norm:.4g}, and gravity is 1 g: {guess}. "
+        f"the acceleration {where} is {norm:.4g}, and gravity is 1 g: {guess}. "
         f"Give the unit when importing (--map ax_g=COLUMN:{unit or 'UNIT'})"
     )
     return [Warning("accel_unit", None, None, text)]
 
 
-def _by_hand(session: Session) -> list[Warning]:
-    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations where it turned least."""
-    means, spreads = [], []
+def _pieces(session: Session) -> list[tuple[Array, Array]]:
+    """The accelerations of each run in short pieces, [pieces, samples, 3], g, and how much its readings vary in each, deg/s."""
+    found = []
     for run in session.runs:
         size = max(2, round(POLICY.still_s * run.sample_rate_hz))
         count = len(run) // size
-        if run.acc_g is None or not count:
-            continue
-        means.append(run.acc_g[: count * size].reshape(count, size, 3).mean(axis=1))
-        spreads.append(run.gyro_dps[: count * size].reshape(count, size, 3).std(axis=1).sum(axis=1))
-    if not means:
+        if run.acc_g is not None and count:
+            acc_g, gyro_dps = (v[: count * size].reshape(count, size, 3) for v in (run.acc_g, run.gyro_dps))
+            found.append((acc_g, gyro_dps.std(axis=1).sum(axis=1)))
+    return found
+
+
+def _quietest(session: Session) -> list[Array]:
+    """Accelerations, [n, 3] each, g, of the quietest pieces; none where the sensor moves in all of them."""
+    pieces = _pieces(session)
+    if not pieces:
         return []
-    spread, norms = np.concatenate(spreads), np.linalg.norm(np.concatenate(means), axis=1)
+    most = min(float(np.quantile(np.concatenate([s for _, s in pieces]), POLICY.still_part)), POLICY.rest_part_dps)
+    quiet = [a[s <= most].reshape(-1, 3) for a, s in pieces]
+    return [a for a in quiet if a.size]
+
+
+def _by_hand(session: Session) -> list[Warning]:
+    """``accel_unit`` of a sensor that was turned by hand, from the mean accelerations where it turned least."""
+    pieces = _pieces(session)
+    if not pieces:
+        return []
+    spread = np.concatenate([s for _, s in pieces])
+    norms = np.concatenate([np.linalg.norm(acc_g.mean(axis=1), axis=1) for acc_g, _ in pieces])
     norms = norms[(spread <= np.quantile(spread, POLICY.still_part)) & np.isfinite(norms)]
     if not norms.size:
         return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import blake2b
 from itertools import islice
 from math import erf, sqrt
@@ -172,7 +173,12 @@ def _at(value: float, level: float | None) -> bool:
 
 
 def clip_levels_dps(session: Session) -> Levels:
-    """The reading at which each axis is clipped, deg/s; None for one that is not."""
+    """The reading at which each axis is clipped, deg/s; None for one that is not.
+
+    Of a session by gravity no rate is known, and the readings alone say it, as those of rests do.
+    """
+    if session.reference.kind == "gravity":
+        session = session.with_runs([replace(run, table_rate_dps=0.0) for run in session.runs])
     return [clip_level_dps(session, i) for i in range(len(AXES))]
 
 
@@ -197,8 +203,8 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
     Readings at the stated full scale or beyond are clipped, as a calibration's flag has it; the level is the largest reading if
     several have it, because chips read a little more than their nominal range. Else readings accumulate at the largest value
     that occurs, and this value is the end of a range. It is that of the code or a usual one, or noise or the true rate would
-    exceed it, or runs of several power cycles read nothing else. Below the stated full scale this must be beyond doubt. A
-    single run that is constant there is not clipped unless the value is one of these ends.
+    exceed it, or runs of several power cycles read nothing else, or a hand came to it in either sense. Below the stated full
+    scale this must be beyond doubt. A single run that is constant there is not clipped unless the value is one of these ends.
     """
     session = session.about(AXES[axis])
     readings = [r.gyro_dps[:, axis] for r in session.runs]
@@ -218,7 +224,7 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
             return limit if heap else float(np.abs(beyond).min())
     if heap and at_largest_code(limit, session.lsb_dps):
         return limit
-    by_noise = detected is not None
+    by_noise = detected is not None or (session.reference.kind == "gravity" and _at_both_ends(readings, limit))
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
     if stuck or not heap:
@@ -231,6 +237,12 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
     if _noise_counts(session, axis) > POLICY.noise_shows_counts or fault.constant(session.runs, axis) is not None:
         return limit
     return None
+
+
+def _at_both_ends(readings: list[Array], limit: float) -> bool:
+    """True if many readings have the largest size in either sense, as no hand turns a sensor."""
+    every = np.concatenate(readings)
+    return all(np.count_nonzero(sign * every > limit - 1e-6) >= POLICY.least_heap for sign in (1.0, -1.0))
 
 
 def _recurs(session: Session, axis: int, at: list[Mask]) -> bool:
@@ -287,9 +299,12 @@ def clipped(session: Session, model: Model, levels_dps: Levels) -> list[Warning]
         if level is None or known:
             continue
         count = sum(int(np.count_nonzero(np.abs(r.gyro_dps[:, i]) > level - 1e-6)) for r in session.runs)
+        remedy = "leave the runs out, or put the limit into the model (gyrocal add saturation)"
+        if session.reference.kind == "gravity":
+            remedy = "or turn more slowly: a turn of which a part is cut off makes the scale seem too small"
         text = (
             f"{count} readings of {axis} are at {level:.6g} dps or beyond, the end of the range: the rate was at least that. "
-            "Record with the next larger range, leave the runs out, or put the limit into the model (gyrocal add saturation)"
+            f"Record with the next larger range, {remedy}"
         )
         out.append(Warning("clipped", axis, None, text))
     return out

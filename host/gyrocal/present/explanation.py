@@ -42,8 +42,7 @@ def print_explanation(e: Explanation, session: Path, model: Path | None) -> None
     stdout.print(conclusion(e), style="bold")
     if without := scale_unknown(e):
         stdout.print(without)
-    if e.verdict != "implausible":
-        stdout.print(f"{model or report.NOT_KEPT}: {', '.join(e.model.ids)}")
+    stdout.print(report.kept_in(model, e.model.ids, e.verdict))
     if e.verdict == "unknown" and not report.unproven(e.last):
         keep = f"gyrocal keep {session} --model {model or 'model.toml'}"
         stdout.print(f"next: {keep} finds a formula for it and keeps it as your own effect")

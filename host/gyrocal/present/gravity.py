@@ -18,7 +18,7 @@ from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
-from gyrocal.present.output import emit, plus_minus, stdout, table
+from gyrocal.present.output import emit, plus_minus, stderr, stdout, table
 from gyrocal.present.report import (
     ANGLES,
     BLOCKED,
@@ -27,6 +27,7 @@ from gyrocal.present.report import (
     REJECTED_SHOWN,
     angle_row,
     deg,
+    kept_in,
     moved_rows,
     print_note,
     print_warnings,
@@ -113,6 +114,8 @@ def show_explain(
         found.model.save(target)
     if as_json:
         emit(found.to_json())
+        if found.verdict == "implausible" and target is not None:
+            stderr.print(kept_in(target, found.model.ids, found.verdict))
         return
     rows = [
         [", ".join(s.effects), ", ".join(sorted(s.axes)), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
@@ -122,8 +125,7 @@ def show_explain(
     if rows:
         table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
     print_diagnosis(found.last, path, None if target is None else str(target))
-    if found.verdict != "implausible":
-        stdout.print(f"{target or NOT_KEPT}: {', '.join(found.model.ids)}")
+    stdout.print(kept_in(target, found.model.ids, found.verdict))
     if found.verdict == "adequate" and found.steps:
         compared = found.last.comparison.to_json()
         text = left_over(compared, "With these effects the model is adequate", "With these effects no test finds a misfit")

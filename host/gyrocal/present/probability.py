@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gyrocal.evidence.checked import PAIRS
 from gyrocal.policy import POLICY
 
 SHOWN = 3
@@ -41,14 +42,22 @@ def checks(judged: Judged) -> list[tuple[str, str]]:
     rows = [("its share", f"{100 * share:.0f} % of what it and a disturbance without a name describe together{enough}")]
     if same_p is None:
         return rows
-    parts = "in the first and the last half, slow and fast, in both directions, cold and warm"
-    if same_p >= POLICY.different_chance:
-        return [*rows, ("the same in parts", f"the same {parts}, as far as the recordings show (p = {same_p:.2g})")]
+    pairs = [PAIRS[part] for part in made.get("parts", ())]
     by = made.get("difference")
+    if same_p >= POLICY.different_chance:
+        all_of = _listed(pairs) or "the parts that were compared"
+        return [*rows, ("the same in parts", f"the same between {all_of}, as far as the recordings show (p = {same_p:.2g})")]
+    size = "" if by is None else f" by {100 * by:.0f} % of itself"
+    differs = f"differs between {pairs[0] if pairs else 'parts of the data'}{size}, more than chance (p = {same_p:.1g})"
     if by is not None and by <= POLICY.largest_difference and made.get("passed", True):
-        return [*rows, ("the same in parts", f"the same {parts} within {100 * by:.0f} % (p = {same_p:.1g})")]
-    told = f"not the same {parts} (p = {same_p:.1g}): another cause may look like it"
-    return [*rows, ("not the same in parts", told)]
+        nearly = f"{differs}, and less than the {100 * POLICY.largest_difference:.0f} % that a model may be off"
+        return [*rows, ("nearly the same in parts", nearly)]
+    return [*rows, ("not the same in parts", f"{differs}: another cause may look like it")]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names that themselves have an *and*, in one list."""
+    return ", ".join(names[:-1]) + (", and " if len(names) > 1 else "") + "".join(names[-1:])
 
 
 def probability_rows(judged: Judged) -> list[tuple[str, str]]:

@@ -324,6 +324,15 @@ def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) 
 NOT_KEPT = "not kept (-o model.toml keeps it)"
 
 
+def kept_in(target: Path | str | None, ids: Iterable[str], verdict: str) -> str:
+    """Where the model of these effects is kept, or why ``explain`` writes none."""
+    if verdict == "implausible":
+        return f"{target or 'the model'} is not written, because the session contradicts itself; see its warnings"
+    return f"{target or NOT_KEPT}: {', '.join(ids)}"
+
+
+
+
 def print_before_after(before: Comparison, after: Comparison, model: Path | None) -> None:
     """Print the levels before and after an effect was added, and the file of the new model."""
     print_warnings(before.warnings)

@@ -143,7 +143,8 @@ class Candidate:
             "probability": self.probability,
             "checks": None if self.checks is None or self.log_odds is None else {
                 "share": self.checks.share, "same_in_parts_p": self.checks.same_in_parts_p,
-                "difference": self.checks.difference, "passed": self.checks.passed(self.log_odds),
+                "difference": self.checks.difference, "parts": list(self.checks.parts),
+                "passed": self.checks.passed(self.log_odds),
             },
         }  # fmt: skip
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gyrocal.evidence.checks import turns_both_ways
 from gyrocal.recording.session import Array
 from gyrocal.web.values.residual_plots import panels
 from gyrocal.web.values.views import Halves
@@ -31,7 +32,7 @@ def halves(axis: str, signal: Array, points: Mapping[str, Array]) -> list[Halves
     ways: list[tuple[tuple[str, str], Array]] = [
         (("first half of each run", "last half"), _above(of_run)),
         (("slow", "fast"), _above(np.abs(rate))),
-        (("one direction", "the other"), np.where(np.isfinite(rate), rate > 0, np.nan)),
+        (("one direction", "the other"), _directions(rate)),
         (("cold", "warm"), _above(points[keys["temperature"]])),
     ]
     out = []
@@ -45,6 +46,12 @@ def halves(axis: str, signal: Array, points: Mapping[str, Array]) -> list[Halves
             continue
         out.append(Halves(names, (first[0], last[0]), (first[1], last[1])))
     return out
+
+
+def _directions(rate: Array) -> Array:
+    """1 where the rate is positive, 0 elsewhere, NaN where it is not known, and everywhere if it has one sign alone."""
+    known = np.isfinite(rate)
+    return np.where(known, rate > 0, np.nan) if turns_both_ways(rate[known]) else np.full(rate.shape, np.nan)
 
 
 def _above(values: Array) -> Array:
