@@ -22,14 +22,14 @@ NO_THRESHOLDS = {
     "STANDARD_GRAVITY", "DEG",  # units
     "DAYS_A_YEAR",  # a unit
     "ROUNDING_DPS",  # of the numbers' own digits
-    "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
+    "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S", "QUARTERS",  # parts of a run
     "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search
     "USUAL_RANGES_DPS",  # of parts on the market
     "WIDE",  # parts bands from lines, which are a percent wide
     "EXPECTED_SD_DPS", "EARTH_DPS", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
     "FLAT", "SIZES_DPS", "TAUS_S", "SIZES", "TIMES_S", "GRID", "PILOT",  # priors, and grids over which a likelihood is computed
     "ENTRIES", "LEAST_NOISE_G", "LEAST_NOISE_DPS", "NO_ERROR",  # indices; bounds of a division
-    "STEPS", "CONVERGED", "ITERATIONS", "ROUNDS", "(CONVERGED_DPS, MOST_ITERATIONS)",  # of iterations
+    "STEPS", "CONVERGED", "ITERATIONS", "ROUNDS", "LONGEST_STEP", "(CONVERGED_DPS, MOST_ITERATIONS)",  # of iterations
     "STILLEST", "TRIM_S", "CHUNK_S", "BLOCK_S", "(TREMBLES, SHRUNK)",  # by which the noise at rest is estimated
     "TURNS_DEG", "STEP_DEG",  # a grid of movements, and of the integral over one
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
