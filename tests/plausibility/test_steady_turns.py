@@ -42,6 +42,14 @@ def test_a_walk_and_a_push_are_not_at_rest() -> None:
     assert not told(np.where(np.arange(T_S.size) % 50 == 0, 400.0, 0.0))
 
 
+def test_a_flight_after_a_rest_is_not_at_rest() -> None:
+    """A drone that holds itself level turns by a few deg/s. A table that vibrates throughout is at rest."""
+    sway = 3.0 * np.sin(2 * np.pi * 0.8 * T_S) * np.sin(2 * np.pi * 0.11 * T_S)
+    assert told(np.where(T_S > 45.0, sway, 0.0)) == [("not_at_rest", "z")]
+    assert not told(1.5 * np.sin(2 * np.pi * 2.0 * T_S))
+    assert not told(RNG.normal(0, np.where(T_S > 45.0, 2.0, 0.5)))
+
+
 def test_a_slow_spin_up_is_not_at_rest() -> None:
     """No second steps, and no bias goes so far: a satellite on its stand was said to have a bias of 85 deg/s."""
     assert told(-170.0 * (1 - np.exp(-T_S / 15.0))) == [("not_at_rest", "z")]

@@ -8,6 +8,7 @@ from gyrocal.plausibility.runs import Mean, Means, spread
 from gyrocal.plausibility.slopes import Lines
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
+from gyrocal.tails import ROBUST
 from gyrocal.warning import Warning
 
 WINDOW_S = 1.0
@@ -180,7 +181,8 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
     """How far the readings go off those around them as by a movement, deg/s, and for how long in all, s; 0 where they do not.
 
     Steps of a walk and a push are over within seconds, whose means hide them. Medians over a tenth of a second let no single
-    fault of the reading pass for one, and a bias that wanders moves the readings around too.
+    fault of the reading pass for one, and a bias that wanders moves the readings around too. Small ones count in a run that
+    is still for most of the time, as before a flight; a table that vibrates throughout is no such run.
     """
     from scipy.ndimage import median_filter
 
@@ -192,7 +194,9 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
     middle = np.median(y, axis=1)
     off_dps = np.abs(middle - median_filter(middle, around, mode="nearest"))
     noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 6 / size))
-    moved = off_dps > max(POLICY.rest_part_dps, POLICY.rest_spreads * noise_dps)
+    usual_dps = max(noise_dps, ROBUST * float(np.median(off_dps)))
+    by_noise, by_rest = (POLICY.rest_spreads * sd_dps for sd_dps in (noise_dps, usual_dps))
+    moved = off_dps > min(max(POLICY.rest_part_dps, by_noise), max(POLICY.rest_off_dps, by_rest))
     if np.mean(moved) < POLICY.rest_moved_part:
         return 0.0, 0.0
     return float(off_dps.max()), float(moved.sum()) * size / run.sample_rate_hz

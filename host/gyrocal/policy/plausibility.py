@@ -261,7 +261,8 @@ class Plausibility:
         chosen_by="pytest tests/plausibility/test_steady_turns.py",
     )  # fmt: skip
     rest_moved_part: float = threshold(
-        0.05, "part of a rest in which the readings must be off by rest_part_dps to be a movement",
+        0.05, "part of a rest in which the readings must be off by rest_part_dps to be a movement, or by rest_off_dps in "
+        "one that is still most of the time",
         larger="a push in a short rest passes", smaller="a knock in a long one is called motion",
         chosen_by="pytest tests/plausibility",
     )  # fmt: skip
