@@ -331,8 +331,6 @@ def kept_in(target: Path | str | None, ids: Iterable[str], verdict: str) -> str:
     return f"{target or NOT_KEPT}: {', '.join(ids)}"
 
 
-
-
 def print_before_after(before: Comparison, after: Comparison, model: Path | None) -> None:
     """Print the levels before and after an effect was added, and the file of the new model."""
     print_warnings(before.warnings)
