@@ -12,10 +12,12 @@ from gyrocal.effects.order_tone import harmonic_of_turn
 from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once
-from gyrocal.recording.session import Array, Run
+from gyrocal.recording.session import AXES, Array, Run
 
 LOWEST_HZ = 1.0
 PEAKS = 2
+BESIDE = 2
+"""Samples of a measured rate before and after each reading that describe it, whatever delays or smooths it."""
 
 
 @once
@@ -24,11 +26,24 @@ def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     from gyrocal.noise.spectrum import evenly_spaced, spectrum
 
     steady = [r for r in runs if not r.rate_is_mean]
-    residuals = [r.gyro_dps[:, axis] - (r.rate_dps if r.axis_index == axis else 0.0) for r in steady]
+    residuals = [_left(r, axis) for r in steady]
     counts_dps = (r.count_dps(axis) for r in steady)
     even, rate_hz = evenly_spaced(residuals, [r.sample_s for r in steady], runs[0].sample_rate_hz)
     found = spectrum(even, rate_hz, LOWEST_HZ, max(counts_dps, default=0.0))
     return found.frequency_hz, found.ratio
+
+
+def _left(run: Run, axis: int) -> Array:
+    """The readings of an axis [n] without the true rate, and without all that follows a measured one: motion has lines too."""
+    own_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
+    rates = [run.about(name).rate_dps for name in AXES] if run.three_axes else [run.rate_dps]
+    if run.table_rate_dps is not None or not np.isfinite(rates).all():
+        return np.asarray(run.gyro_dps[:, axis] - own_dps)
+    beside = [np.clip(np.arange(len(run)) + k, 0, len(run) - 1) for k in range(-BESIDE, BESIDE + 1)]
+    columns = np.column_stack([np.ones(len(run)), *(w[at] for w in rates for at in beside)])
+    size = np.linalg.norm(columns, axis=0) + 1e-300
+    y = run.gyro_dps[:, axis]
+    return np.asarray(y - columns / size @ np.linalg.lstsq(columns / size, y, rcond=1e-9)[0])
 
 
 class VibrationTone(Tone):
