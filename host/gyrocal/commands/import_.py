@@ -119,7 +119,6 @@ def run(
     gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
-    from gyrocal.plausibility import check
     from gyrocal.recording.column_map import Scaling
     from gyrocal.recording.import_options import Options
 
@@ -134,9 +133,7 @@ def run(
     ))  # fmt: skip
     _preview(found, preview)
     _agreed(found, yes, as_json)
-    warnings = check(found.session)  # an error in the data comes before anything is written
-    session = found.save(out, append=append)
-    _tell(found, session, check(session) if append else warnings, out, as_json)
+    _save(found, out, append, as_json)
 
 
 def names_of(columns: str | None) -> list[str] | None:
@@ -254,6 +251,14 @@ def decided(found: "Imported") -> None:
             f"{asked[0].question}: neither gravity nor the noise at rest nor a known rate decides between them. Say which it "
             f"is, with all columns: {same}, or :{other} in each rate"
         )
+
+
+def _save(found: "Imported", out: Path, append: bool, as_json: bool) -> None:
+    from gyrocal.plausibility import check
+
+    warnings = check(found.session)  # an error in the data comes before anything is written
+    session = found.save(out, append=append)
+    _tell(found, session, check(session) if append else warnings, out, as_json)
 
 
 def _tell(found: "Imported", session: "Session", of_session: "list[Warning]", out: Path, as_json: bool) -> None:
