@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+Z95 = 1.959964
+"""Standard deviations of a normal variable within which 95 % of it lie."""
 ROBUST = 1.4826
 """Standard deviation of a normal variable over the median of its distance from its median."""
 
@@ -75,6 +77,11 @@ def student_value(chance: Any, freedom: Any) -> Any:
     from scipy.special import stdtrit
 
     return -stdtrit(freedom, chance)
+
+
+def widening_to_95(freedom: float) -> float:
+    """The factor on a standard error of ``freedom`` degrees of freedom, at least one, with which 1.96 of it hold 95 %."""
+    return float(student_value(0.025, max(freedom, 1.0))) / Z95
 
 
 def student_log_density(value: Any, freedom: float) -> Any:

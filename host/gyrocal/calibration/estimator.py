@@ -21,6 +21,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias
+from gyrocal.noise.sample import weight_beside
 from gyrocal.noise.whitening import Noise, normal_equations
 from gyrocal.recording.session import AXES, Array, Run
 
@@ -226,8 +227,8 @@ def run_blocks(run: Run, calibration: Calibration) -> RunBlocks:
         usable = kind.usable(run, axis, values)
         full = full if usable is None else full & np.logical_and.reduceat(usable, first)
     samples = count[full].astype(float)
-    if run.rate_is_mean and run.axis_index == axis and run.turn_se_deg:  # as so many samples as white noise makes that error of
-        samples /= 1 + samples * (run.turn_se_deg / run.duration_s / calibration.noise.white_sd_dps) ** 2
+    if run.rate_is_mean and run.axis_index == axis and run.turn_se_deg:
+        samples *= weight_beside(samples, calibration.noise.white_sd_dps, run.turn_se_deg / run.duration_s)
     return RunBlocks(means[full].T, blocks[full] * BLOCK_US * 1e-6, samples)
 
 

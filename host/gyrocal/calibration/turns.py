@@ -9,13 +9,8 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.calibration.estimator import Calibration, estimate
+from gyrocal.inference.turns import LARGEST, ROUNDS
 from gyrocal.recording.session import AXES, Run
-
-LARGEST = 0.3
-"""The error of a turn, as a fraction of its angle, with which the search begins."""
-ROUNDS = 4
-"""The scatter and the weights of the turns are found in turn."""
-Z95 = 1.959964
 
 
 def with_scatter_of_turns(calibration: Calibration, runs: Sequence[Run]) -> list[Run]:
@@ -48,4 +43,4 @@ def with_scatter_of_turns(calibration: Calibration, runs: Sequence[Run]) -> list
         if left_deg2 / free <= noise_deg2:
             return list(runs)
         scatter_deg = float(np.sqrt(left_deg2 / free - noise_deg2))
-    return beside(scatter_deg * float(tails.student_value(0.025, free)) / Z95)
+    return beside(scatter_deg * tails.widening_to_95(free))

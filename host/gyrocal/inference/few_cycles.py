@@ -17,12 +17,12 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.reml import LARGEST_SPREAD, SpreadScale
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
+from gyrocal.tails import Z95
 
 POINTS = 25
 """Spreads, evenly in the prior's coordinate, over which the average goes."""
 PHYSICAL, BEYOND = 0.1, 10.0
 """The prior ends at this fraction of the largest spread, ten times the typical, or at this multiple of the fitted one."""
-Z95 = 1.959964
 HALVINGS = 40
 
 

@@ -15,6 +15,7 @@ from gyrocal import tails
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise
+from gyrocal.noise.sample import weight_beside
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -26,7 +27,6 @@ SETTLED, MOST_ROUNDS = 0.02, 12
 """Relative change of the white noise beside which the weights of turns stay, and the most rounds until then."""
 LEAST_FREE = 0.05
 """Degrees of freedom below which turns do not show their scatter."""
-Z95 = 1.959964
 
 
 def with_errors_of_turns(current: AxisFit) -> AxisFit:
@@ -93,8 +93,7 @@ def widening_by_turns(current: AxisFit) -> Array:
     for i in scattered:
         share += (cov @ _column(current, i)) ** 2 / _variance(current, i)
     share = np.clip(share / np.diag(cov), 0.0, 1.0)
-    of_few = float(tails.student_value(0.025, max(free, 1.0))) / Z95
-    return np.asarray(np.sqrt(1 + share * (of_few**2 - 1)))
+    return np.asarray(np.sqrt(1 + share * (tails.widening_to_95(free) ** 2 - 1)))
 
 
 def _turns(current: AxisFit) -> dict[int, Blocks]:
@@ -108,8 +107,8 @@ def _weighing(current: AxisFit, errors_deg: dict[int, float]) -> AxisFit:
     design, white = current.design, float(np.sqrt(_white_dps2(current)))
     blocks = list(design.given)
     for i, error_deg in errors_deg.items():
-        of_error = blocks[i].n * (error_deg / blocks[i].run.duration_s / white) ** 2
-        blocks[i] = replace(blocks[i], weight=1 / (1 + of_error))
+        weight = weight_beside(blocks[i].n, white, error_deg / blocks[i].run.duration_s)
+        blocks[i] = replace(blocks[i], weight=weight)
     return fit_noise(design.over(blocks))
 
 

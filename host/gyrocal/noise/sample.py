@@ -17,6 +17,11 @@ def sample_sd_dps(readings: Sequence[Array]) -> float:
     return ROBUST * float(np.median(steps)) / 2**0.5
 
 
+def weight_beside(samples: Array, white_sd_dps: float, shared_sd_dps: float) -> Array:
+    """The part of its information that a mean of ``samples`` [n] keeps beside an error that they share, [n]."""
+    return 1 / (1 + samples * (shared_sd_dps / white_sd_dps) ** 2)
+
+
 def white_sd_dps(runs: Sequence[Run], axis: int) -> float:
     """The same of an axis, beside what follows the true rate; at least the noise of rounding, deg/s."""
     rounding = max(float(r.step_dps[axis]) for r in runs) / 12**0.5

@@ -353,9 +353,10 @@ def rate_changes(t_s: Array) -> tuple[tuple[float, float], ...]:
 
     A rate is another one where it stays longer than losses in a row do. Empty where all samples have one rate.
     """
-    steps = np.diff(t_s)
-    if steps.size < 2 * OTHER_RATE:
+    least_s, largest_s = step_range_s(t_s)
+    if t_s.size <= 2 * OTHER_RATE or largest_s <= LONG * least_s:
         return ()
+    steps = np.diff(t_s)
     parts = np.sort(steps[: steps.size // OTHER_RATE * OTHER_RATE].reshape(-1, OTHER_RATE), axis=1)
     middle, early, late = (parts[:, OTHER_RATE * k // 4] for k in (2, 1, 3))
     even = np.flatnonzero((late - early < SCATTERED * middle) & (middle > USUAL * parts.mean(axis=1)))

@@ -149,20 +149,16 @@ class Motion:
         """The size of the exponential at the start of each of the first ``pieces``, kept for the last time constants."""
         from scipy.linalg import solve_banded
 
-        kept = self._kept
-        if tau_s not in kept or kept[tau_s].size < pieces:
+        kept: dict[float, Array] = self.__dict__.get("_excess", {})
+        excess = kept.get(tau_s)
+        if excess is None or excess.size < pieces:
             jump = 6 * tau_s**3 * np.diff(self._spline.c[0, :pieces])  # of the third derivative from piece to piece
             bands = np.zeros((2, pieces))
             bands[0], bands[1, :-1] = 1.0, -np.exp(-np.diff(self.known_s[:pieces]) / tau_s)
-            kept.pop(tau_s, None)
-            while len(kept) >= KEPT_FILTERS:
-                kept.pop(next(iter(kept)))
-            kept[tau_s] = solve_banded((1, 0), bands, np.concatenate([[0.0], jump]))
-        return kept[tau_s]
-
-    @cached_property
-    def _kept(self) -> dict[float, Array]:
-        return {}
+            excess = np.asarray(solve_banded((1, 0), bands, np.concatenate([[0.0], jump])))
+            others = [(tau, values) for tau, values in kept.items() if tau != tau_s]
+            self.__dict__["_excess"] = dict([*others[1 - KEPT_FILTERS :], (tau_s, excess)])  # replaced, as threads share it
+        return excess
 
 
 def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:

@@ -13,7 +13,13 @@ from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.reading_evidence import judge_reading
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.naming.wave_sizes import WaveSizes
-from gyrocal.diagnosis.residual.coherence import keeps_its_phase, keeps_its_size, line_of_reference, of_the_reference
+from gyrocal.diagnosis.residual.coherence import (
+    keeps_its_phase,
+    keeps_its_size,
+    line_of_reference,
+    of_the_reference,
+    waves_of,
+)
 from gyrocal.effects.base import Effect, Mask, Objection
 from gyrocal.effects.mistaken import must_be_sure
 from gyrocal.effects.optional import CourseWithoutData
@@ -139,9 +145,10 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
     """True if a wave changes phase or a tone size within the runs, or it is the reference's, or breaks its law of sizes."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
-    if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
+    waves = waves_of(fitted, columns)
+    if not keeps_its_phase(fitted, waves, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
         return True
-    if isinstance(wave, Tone) and not keeps_its_size(fitted, columns):
+    if isinstance(wave, Tone) and not keeps_its_size(fitted, waves):
         return True
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:

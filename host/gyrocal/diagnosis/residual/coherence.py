@@ -8,6 +8,7 @@ that is fixed to the table keeps its phase exactly. Stick-slip and two-point con
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,19 +22,40 @@ LEAST_PERIODS = 1.5
 QUARTERS = 4
 
 
-def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
+class WaveOfRun(NamedTuple):
+    """What is left of a run's readings beside the other terms [m], and the wave's columns [m, k], times the ``weight`` [m]."""
+
+    y: Array
+    wave: Array
+    weight: Array
+
+
+def waves_of(fitted: AxisFit, own: list[int]) -> list[WaveOfRun]:
+    """The last term of a fit in each run.
+
+    ``own`` lists the wave's columns, a cosine and a sine for each amplitude, among the coefficients of the design.
+    """
+    out = []
+    for i, block in enumerate(fitted.design.blocks):
+        weight = np.sqrt(block.n)
+        wave = (fitted.design.columns(i)[1:][own] * weight).T
+        u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
+        y = fitted.block_residuals(i) * weight + wave @ np.concatenate([fitted.solution.beta, u])[own]
+        out.append(WaveOfRun(y, wave, weight))
+    return out
+
+
+def keeps_its_phase(fitted: AxisFit, waves: Sequence[WaveOfRun], least: float) -> bool:
     """True unless the parts of the runs contradict that the last term of a fit is one wave in each run.
 
     If they certainly do, the wave of the whole run must hold at least ``least`` of the power.
 
-    ``own`` lists the wave's columns, a cosine and a sine for each amplitude, among the coefficients of the design. The wave is
-    fitted to each part of a run alone. What the parts gain beyond the whole run is noise if the wave keeps its phase. With v
-    for the variance of white noise and k parts of m columns, it is v times a chi-square with m·(k - 1) degrees of freedom.
+    ``waves`` are those of :func:`waves_of`. The wave is fitted to each part of a run alone. What the parts gain beyond the
+    whole run is noise if the wave keeps its phase. With v for the variance of white noise and k parts of m columns, it is v
+    times a chi-square with m·(k - 1) degrees of freedom.
     """
     of_run = incoherent = degrees = 0.0
-    for i, block in enumerate(fitted.design.blocks):
-        weight = np.sqrt(block.n)
-        y, wave = _wave_of(fitted, own, i)
+    for y, wave, weight in waves:
         parts = np.array_split(np.arange(len(y)), _parts(wave))
         if len(parts) < 2 or not np.any(wave):
             continue
@@ -49,20 +71,19 @@ def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     return not certain or of_run > least * (of_run + beyond)
 
 
-def keeps_its_size(fitted: AxisFit, own: list[int]) -> bool:
+def keeps_its_size(fitted: AxisFit, waves: Sequence[WaveOfRun]) -> bool:
     """False if the power of a tone, over all runs, is certainly far smaller in a quarter of their time than it is on average.
 
-    A tone that decays or grows in each run is another effect, such as a mount that rings after a start. ``own`` is as above.
-    Each quarter has a phase of its own, so that a frequency that wanders counts as one size.
+    A tone that decays or grows in each run is another effect, such as a mount that rings after a start. ``waves`` are as
+    above. Each quarter has a phase of its own, so that a frequency that wanders counts as one size.
     """
     power, variance, energy = (np.zeros(QUARTERS) for _ in range(3))
     noise = fitted.noise.white_sd_dps**2
-    for i, block in enumerate(fitted.design.blocks):
-        y, wave = _wave_of(fitted, own, i)
+    for y, wave, weight in waves:
         if _parts(wave) < QUARTERS:
             continue
         for q, p in enumerate(np.array_split(np.arange(len(y)), QUARTERS)):
-            steady = _without_trend(np.column_stack([y, wave])[p], np.sqrt(block.n)[p])
+            steady = _without_trend(np.column_stack([y, wave])[p], weight[p])
             power[q] += _fitted_power(steady[:, 1:], steady[:, 0]) - wave.shape[1] * noise
             variance[q] += 2 * wave.shape[1] * noise**2
             energy[q] += float(np.sum(steady[:, 1:] ** 2))
@@ -70,14 +91,6 @@ def keeps_its_size(fitted: AxisFit, own: list[int]) -> bool:
         return True
     size, se = power / energy, np.sqrt(variance + 4 * noise * np.maximum(power, 0.0)) / energy
     return bool(np.all(size + POLICY.coherence_errors * se >= POLICY.even**2 * size.mean()))
-
-
-def _wave_of(fitted: AxisFit, own: list[int], run: int) -> tuple[Array, Array]:
-    """What is left of a run's readings beside the other terms [m], and the wave's columns [m, k], weighted by their samples."""
-    weight = np.sqrt(fitted.design.blocks[run].n)
-    wave = (fitted.design.columns(run)[1:][own] * weight).T
-    u = fitted.run_coefficients(run, fitted.solution.beta, fitted.spreads)
-    return fitted.block_residuals(run) * weight + wave @ np.concatenate([fitted.solution.beta, u])[own], wave
 
 
 def of_angles(fitted: Fit) -> bool:
