@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.policy import POLICY
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 
@@ -79,13 +81,19 @@ def started(terms: Sequence[Term], runs: Sequence[Run], axis: int) -> list[Term]
     if not timed:
         return list(terms)
     out = [replace(t, values=t.effect.structure(t.values)) if i in timed else t for i, t in enumerate(terms)]
-    used = [r for r in runs if r.axis_index == axis and r.motion is not None]
+    used = [r.untimed for r in runs if r.axis_index == axis and r.motion is not None]
     if any(out[i].effect.missing([r.timed(SYNCHRONOUS) for r in used], axis) for i in timed):
         return out
-    search = _Search([out[i].effect for i in timed], used, axis)
-    for i, values in zip(timed, search.best([out[i].values for i in timed]), strict=True):
-        out[i] = replace(out[i], values=values)
+    found = _best(used, axis, tuple((out[i].effect, *out[i].values.items()) for i in timed))
+    for i, values in zip(timed, found, strict=True):
+        out[i] = replace(out[i], values=dict(values))
     return out
+
+
+@once
+def _best(runs: Sequence[Run], axis: int, kinds: Sequence[tuple[Any, ...]]) -> list[Values]:
+    """The likeliest values of effects of time, each given as the effect and its values to begin with."""
+    return _Search([effect for effect, *_ in kinds], runs, axis).best([dict(values) for _, *values in kinds])
 
 
 @dataclass(frozen=True)

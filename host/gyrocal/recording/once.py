@@ -13,22 +13,24 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def once(function: Callable[[Sequence[Run], int], T]) -> Callable[[Sequence[Run], int], T]:
+def once(function: Callable[Concatenate[Sequence[Run], int, P], T]) -> Callable[Concatenate[Sequence[Run], int, P], T]:
     """A function of runs and an axis whose result is kept with the first run, for as long as that run exists.
 
-    Runs count as the same if they are the same objects in the same order. The result must not be changed by its callers.
+    Runs count as the same if they are the same objects in the same order. Further arguments must be hashable; a result is
+    kept for each. The result must not be changed by its callers.
     """
     name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
-    def kept(runs: Sequence[Run], axis: int) -> T:
+    def kept(runs: Sequence[Run], axis: int, *args: P.args, **kwargs: P.kwargs) -> T:
         if not runs:
-            return function(runs, axis)
+            return function(runs, axis, *args, **kwargs)
         results = runs[0].__dict__.setdefault("_once", {})
-        earlier, result = results.get((name, axis), ((), None))
+        key = name, axis, args, *kwargs.items()
+        earlier, result = results.get(key, ((), None))
         if len(earlier) != len(runs) or any(a is not b for a, b in zip(earlier, runs, strict=True)):
-            result = function(runs, axis)
-            results[name, axis] = (tuple(runs), result)
+            result = function(runs, axis, *args, **kwargs)
+            results[key] = (tuple(runs), result)
         return result
 
     return kept

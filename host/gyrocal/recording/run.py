@@ -41,7 +41,7 @@ NO_RATE = (
     "no rate follows from the reference: it needs 16 samples in a row without a gap or a jump. Leave its columns out "
     "and state the run's true rate, as by --rate or --turn-deg when importing"
 )
-KEPT = (*OF_FILE, "reference_dps", "motion", "_smooth_reference")
+KEPT = (*OF_FILE, "reference_dps", "motion", "one_rate_dps")
 """Values that do not depend on the run's timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -193,10 +193,7 @@ class Run:
         """
         reference = self.reference_dps
         if reference is not None:
-            rate_dps = _filled(self.sample_s, reference)
-            if self.timing != SYNCHRONOUS and self.motion is not None:
-                rate_dps = rate_dps + self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
-            return rate_dps
+            return _filled(self.sample_s, reference) if self.untimed is self else self.untimed.rate_dps + self._moved_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
         if self.measured_rates is not None:
@@ -235,7 +232,8 @@ class Run:
             return self
         views: dict[str, Run] = self.__dict__.setdefault("_views", {self.axis: self})
         if axis not in views:
-            views[axis] = self._sharing(OF_FILE, axis=axis)
+            still = self.untimed
+            views[axis] = self._sharing(OF_FILE, axis=axis) if still is self else still.about(axis)._at(self.timing)
             views[axis].__dict__["_views"] = views
         return views[axis]
 
@@ -309,11 +307,25 @@ class Run:
     @cached_property
     def smooth_rate(self) -> Smoothed | None:
         """The true rate without the reference's noise (``values`` in deg/s); None if the rate is not measured but known."""
-        found = self._smooth_reference
-        if found is None or self.timing == SYNCHRONOUS or self.motion is None:
-            return found
-        moved = self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
-        return replace(found, values=found.values + moved)
+        found = self.untimed._smooth_reference
+        return found if found is None or self.untimed is self else replace(found, values=found.values + self._moved_dps)
+
+    @cached_property
+    def untimed(self) -> Run:
+        """The run by the reference's own time, the same for each timing; the run itself if it has no other timing."""
+        return self if self.timing == SYNCHRONOUS or self.motion is None else self._sharing(KEPT, timing=SYNCHRONOUS)
+
+    @cached_property
+    def _motion_dps(self) -> Array:
+        """The smooth rate of the reference at each sample, shape [n], deg/s, by the reference's own time."""
+        assert self.motion is not None
+        return self.motion.rate_dps(self.sample_s)
+
+    @cached_property
+    def _moved_dps(self) -> Array:
+        """What the run's timing adds to the rate of each sample, shape [n], deg/s."""
+        assert self.motion is not None
+        return self.motion.rate_dps(self.sample_s, self.timing) - self.untimed._motion_dps
 
     @cached_property
     def smooth_temp(self) -> Smoothed | None:
@@ -352,7 +364,14 @@ class Run:
 
     def timed(self, timing: Timing) -> Run:
         """The same run with another timing; the run itself if its true rate is constant."""
-        return self if timing == self.timing or self.motion is None else self._sharing(KEPT, timing=timing)
+        if timing == self.timing or self.motion is None:
+            return self
+        return self.untimed if timing == SYNCHRONOUS else self.untimed._at(timing)
+
+    def _at(self, timing: Timing) -> Run:
+        out = self._sharing(KEPT, timing=timing)
+        out.__dict__["untimed"] = self
+        return out
 
     @property
     def shown_s(self) -> Array:
