@@ -89,15 +89,18 @@ def variance(current: AxisFit) -> float:
 def drawn_power(current: AxisFit, finding: Finding) -> float:
     """The mean square of the residual, as drawn, that a finding describes, dps^2.
 
-    For a shape, it is what the shape describes beyond what as many columns describe of noise.
+    For a shape, it is what the shape describes beyond what as many columns describe of noise. Steps of single runs are told
+    from the level of their own run, which the bias of another power cycle does not reach.
     """
     shape = finding.shape
     if shape is None:
         return finding.amplitude_dps**2 / 2
     blocks, axis = current.design.blocks, current.design.axis
     parts = [(current.block_residuals(i), b.mean(shape.columns(b.run, axis, {}))) for i, b in enumerate(blocks)]
+    if isinstance(shape, StepsOfRuns):
+        parts = [(y - y.mean(), np.column_stack([np.ones(y.size), c[:, c.any(axis=0)]])) for y, c in parts]
     residual = np.concatenate([y for y, _ in parts])
-    if not isinstance(shape, ShapeOfEachRun):
+    if not isinstance(shape, (ShapeOfEachRun, StepsOfRuns)):
         residual = residual - residual.mean()
         columns = np.concatenate([c for _, c in parts])
         parts = [(residual, np.column_stack([np.ones(residual.size), columns]))]
