@@ -25,6 +25,8 @@ from gyrocal.recording.session import Array
 
 TOLD = 0.01
 """Sets of at least this probability are told."""
+NOISE_ALONE: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+"""No effect and nothing without a name."""
 LEFT_BETWEEN = 0.5
 """Log-likelihood that the distance of a nonlinear parameter from the grid may cost before it is refined."""
 ROUNDS = 3
@@ -37,6 +39,11 @@ class Alternative:
     effects: tuple[str, ...]
     unnamed: tuple[str, ...]
     probability: float
+
+    @property
+    def noise_alone(self) -> bool:
+        """True for the set of no effect, with nothing left over."""
+        return (self.effects, self.unnamed) == NOISE_ALONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,15 +192,15 @@ def _moved(found: _Weighing, effect: str) -> Option | None:
 
 
 def _alternatives(found: _Weighing) -> tuple[Alternative, ...]:
-    """The sets, each with and without what is left over, that have a probability worth telling."""
+    """The sets, each with and without what is left over, that have a probability worth telling, and noise alone in any case."""
     from scipy.special import logsumexp
 
     total = float(logsumexp(found.forms[0]))
-    by_told: dict[tuple[tuple[str, ...], tuple[str, ...]], float] = {}
+    by_told: dict[tuple[tuple[str, ...], tuple[str, ...]], float] = {NOISE_ALONE: 0.0}
     for weighed, log in zip(found.sets, found.forms[0].tolist(), strict=True):
         for shape, part in weighed.by_rest.items():
             against = () if shape is None else (found.scales.matrix.shapes[shape].against,)
             key = tuple(sorted(weighed.effects)), against
             by_told[key] = by_told.get(key, 0.0) + float(np.exp(log - weighed.log_evidence + part - total))
     order = sorted(by_told.items(), key=lambda item: -item[1])
-    return tuple(Alternative(*key, p) for key, p in order if p >= TOLD)
+    return tuple(Alternative(*key, p) for key, p in order if p >= TOLD or key == NOISE_ALONE)

@@ -269,6 +269,8 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             ids = " or ".join(called(c.effect.id) for c in suggested)
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
+        if d.comparison.where[0].of_sets:
+            return f"Something is there {where}. This session cannot prove what it is."
         return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else nothing_found(d.candidates, d.comparison.to_json())
 

@@ -1,17 +1,20 @@
 """Compare a model with the measurements, on the same family of tests as a diagnosis.
 
 The tests of the residual come first. Where they find nothing, the effects of the library are tried as well, because the test of
-one known shape is more sensitive than a general one. A model is adequate if neither finds anything, so ``compare`` and
-``diagnose`` agree on every model.
+one known shape is more sensitive than a general one. Where they find nothing either, sets of effects and what has no name are
+weighed against noise alone. A model is adequate if nothing is found in any of these ways, so ``compare`` and ``diagnose`` agree
+on every model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from gyrocal.diagnosis.answer.as_is import compare_as_is
 from gyrocal.diagnosis.naming import candidates as naming
+from gyrocal.diagnosis.naming.probability import improbable_noise, with_probabilities
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.error_model.model import Model
 from gyrocal.policy import POLICY
@@ -38,4 +41,7 @@ def compare(
     if measured.where or measured.implausible:
         return measured
     judged = naming.candidates(measured, unless=POLICY.name_alarm, progress=progress)
-    return naming.with_named(measured, judged, only_day)
+    named = naming.with_named(measured, judged, only_day)
+    if named.where:
+        return named
+    return replace(named, where=improbable_noise(with_probabilities(judged, named, progress)[1], named))

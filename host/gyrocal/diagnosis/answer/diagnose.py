@@ -10,14 +10,14 @@ measurement that separates its members instead of a cause. The thresholds are in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from gyrocal.diagnosis.naming import candidates as naming
 from gyrocal.diagnosis.naming.beside import beside_sure
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.probability import OnAxis, decided, told_sets, with_probabilities
+from gyrocal.diagnosis.naming.probability import OnAxis, decided, improbable_noise, told_sets, with_probabilities
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.diagnosis.residual.judged import on_axis
@@ -87,6 +87,9 @@ def diagnose(
     tested, alternatives = with_probabilities(judged, comparison, progress)
     judged = decided(tested, _failing(comparison), lambda sure, others: beside_sure(sure, others, comparison))
     verdict = verdict_on(comparison, judged)
+    if verdict == "adequate":
+        comparison = replace(comparison, where=improbable_noise(alternatives, comparison))
+        verdict = verdict_on(comparison, judged)
     unknown = _unknown(comparison) if verdict == "unknown" else None
     return Diagnosis(verdict, judged, unknown, comparison, told_sets(alternatives, judged), tested)
 

@@ -12,16 +12,21 @@ from dataclasses import dataclass, replace
 from math import hypot
 from typing import Any
 
+import numpy as np
+
 from gyrocal.diagnosis.naming.candidate import Candidate, best_first
 from gyrocal.diagnosis.naming.decision import evident_gain, in_range
 from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
 from gyrocal.evidence.curve import of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
+from gyrocal.variables.time import Time
 
 Progress = Callable[[str], None]
 
@@ -40,7 +45,7 @@ class OnAxis:
         """With the probability that the curve gives the set by itself."""
         from scipy.special import logit
 
-        return OnAxis(axis, found, of_set(float(logit(min(found.probability, 1 - 1e-12)))))
+        return OnAxis(axis, found, of_set(float(logit(np.clip(found.probability, 1e-300, 1 - 1e-12)))))
 
     def to_json(self) -> dict[str, Any]:
         found = self.found
@@ -96,6 +101,28 @@ def told_sets(sets: Sequence[OnAxis], candidates: Sequence[Candidate]) -> list[O
     told = [replace(one, probability=one.probability * part(one)) for one in sets]
     axes = list(dict.fromkeys(one.axis for one in sets))
     return sorted((one for one in told if one.probability >= TOLD), key=lambda one: (axes.index(one.axis), -one.probability))
+
+
+def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Finding]:
+    """A finding on each axis whose readings noise alone explains with a probability below what is told.
+
+    It is against what the likeliest set has without a name, or against the variable that fits best. ``sets`` are those of
+    :func:`with_probabilities`.
+    """
+    out = []
+    for axis in dict.fromkeys(one.axis for one in sets):
+        mine = [one for one in sets if one.axis == axis]
+        noise = next((one for one in mine if one.found.noise_alone), None)
+        if noise is None or noise.probability >= TOLD or mine[0] is noise or axis in comparison.unsure:
+            continue
+        best, nearest = mine[0].found, comparison.nearest.get(axis)
+        against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
+        chance = max(noise.found.probability, 1e-300)
+        words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
+        note = f"noise alone has a probability below {percentage(TOLD)}; the likeliest of what may be there is {words}"
+        amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
+        out.append(Finding(axis, against, float(np.sqrt(-2 * np.log(chance))), chance, amplitude_dps, note, of_sets=True))
+    return sorted(out, key=lambda f: -f.strength)
 
 
 Beside = Callable[[Sequence[Candidate], Sequence[Candidate]], list[Candidate]]

@@ -18,14 +18,16 @@ from gyrocal.variables.shapes import StepsOfRuns
 from gyrocal.variables.time import Time
 
 
-def steps_of_runs(current: AxisFit, axis: str, alarm: float) -> Finding | None:
+def steps_of_runs(current: AxisFit, axis: str, alarm: float, alone: bool) -> Finding | None:
     """Test for steps of the bias at moments of single runs. The chance counts the moments among which they were chosen.
 
-    Returns None without a finding.
+    ``alone`` is True if nothing else is found. Returns None without a finding, and where several runs, half of them or more,
+    step and something else is found: what most runs do is rarely a single event.
     """
     runs = [b.run for b in current.design.blocks]
     at = [(run, row) for run in runs for row in jumps(run, current.design.axis)]
-    if not at:
+    stepping = len({run.file for run, _ in at})
+    if not at or (not alone and stepping > 1 and 2 * stepping >= len(runs)):
         return None
     shape = StepsOfRuns([(run.file, float(run.sample_s[row])) for run, row in at])
     fitted = beside(current, axis, [shape])

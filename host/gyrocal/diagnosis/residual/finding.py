@@ -27,6 +27,8 @@ class Finding:
     """Signal-to-noise ratio in standard deviations, if ``strength`` is limited by the reference of the test."""
     band_hz: tuple[float, float] | None = field(default=None, repr=False, compare=False)
     """The lowest and the highest frequency of a finding against the frequency, Hz."""
+    of_sets: bool = False
+    """True if no test of the residual finds it, but sets of effects explain the axis, and noise alone does not."""
 
     @property
     def times_rate(self) -> bool:

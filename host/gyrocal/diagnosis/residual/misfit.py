@@ -219,7 +219,7 @@ def find_misfit(
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
         if any(isinstance(f.shape, Transient) for f in found):
             found += curves_within(current, axis, probes[axis], found, share)
-        once = steps_of_runs(current, axis, share)
+        once = steps_of_runs(current, axis, share, alone=not found)
         if once is not None and leader(current, [*found, once]) is once:
             found.append(once)
         found = without_echoes(fitted, axis, found, share, of_frequency)
