@@ -74,6 +74,19 @@ def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slo
     np.testing.assert_allclose(apart_dps, size_dps, atol=0.25)
 
 
+@pytest.mark.parametrize("sd_counts", [0.3, 0.4])
+def test_counts_of_a_log_whose_offset_is_corrected_now_and_then_are_none(sd_counts: float) -> None:
+    """As a phone does, which takes off its estimate of the bias: the smallest step is that of the estimate."""
+    rng = np.random.default_rng(9)
+    codes = np.round(rng.normal(0.1, sd_counts, 40_000)) * 0.061
+    y_dps = codes - np.repeat(rng.normal(0, 0.005, 20).round(4), 2_000)
+    step_dps = float(np.min(np.abs(np.diff(y_dps)), where=np.diff(y_dps) != 0, initial=1.0))
+    assert step_dps < 0.01
+    assert outliers(y_dps, step_dps)[0].size == 0
+    y_dps[7_000] += 1.0
+    assert outliers(y_dps, step_dps)[0].tolist() == [7_000]
+
+
 @pytest.mark.parametrize("white_dps", [0.001, 0.004, 0.02])
 @pytest.mark.parametrize("frequency_hz", [0.2, 1.0, 2.0])
 def test_a_swing_s_scale_error_is_no_outlier(white_dps: float, frequency_hz: float) -> None:

@@ -104,8 +104,10 @@ def find(session: Session) -> Found:
     if len(found.rests) < POLICY.fewest_rests or not found.movements:
         where, rests = session.path or "the session", number_of(len(found.rests), "rest")
         also = f" ({found.moved} more moved and are left out)" if found.moved else ""
+        few = len(found.rests) < POLICY.fewest_rests
+        lacking = f"and {POLICY.fewest_rests} are needed at least" if few else "but no movement that leads from one to the next"
         raise InputError(
-            f"{where}: {rests} found{also}, and {POLICY.fewest_rests} are needed at least. "
+            f"{where}: {rests} found{also}, {lacking}. "
             "Leave the sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
         )
     return found

@@ -24,12 +24,16 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
-    """Rows [k] of readings [n] that stand out, and by how much [k], deg/s; ``step_dps``: one count, 0 = as good as none."""
+    """Rows [k] of readings [n] that stand out, and by how much [k], deg/s; ``step_dps``: one count, 0 = as good as none.
+
+    A log whose offset is corrected now and then has smaller steps than a count, which its usual changes show.
+    """
     from scipy.ndimage import median_filter
 
     nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
     if y_dps.size < 3 * NEIGHBOURS:
         return nothing
+    step_dps = max(step_dps, _usual_step(y_dps))
     level = y_dps - between(y_dps)
     least = ROBUST * float(np.median(np.abs(level)))
     if not np.any(np.abs(level) > STANDS_OUT * least + step_dps):  # no larger spread finds more
@@ -41,6 +45,19 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     if rows.size > POLICY.most_outliers * y_dps.size:
         return _of_one_size(y_dps, spread) or nothing
     return (rows, _whole(y_dps, rows, nearer[rows])) if rows.size else nothing
+
+
+def _usual_step(y_dps: Array) -> float:
+    """The median change of coarse readings [n], deg/s, if nearly no change is much smaller, as with counts; else 0.
+
+    It is 0 too if no more readings change than outliers would make, two changes each.
+    """
+    changes = np.abs(np.diff(y_dps))
+    changes = changes[changes > 0]
+    if changes.size <= 2 * POLICY.most_outliers * y_dps.size:
+        return 0.0
+    usual = float(np.median(changes))
+    return usual if np.count_nonzero(changes < usual / 2) <= POLICY.most_outliers * changes.size else 0.0
 
 
 def _of_one_size(y_dps: Array, spread_dps: float) -> tuple[Index, Array] | None:
