@@ -1,17 +1,21 @@
 """Names on which the tests and the evidence of sets must agree."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.probability import OnAxis, decided, told_sets
+from gyrocal.diagnosis.naming.probability import OnAxis, decided, improbable_noise, told_sets
+from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effect
 from gyrocal.evidence.answer import Alternative
 from gyrocal.evidence.checked import Checks
+from gyrocal.evidence.curve import LARGEST
 
 PASSED, FAILED = Checks(0.9, 0.4), Checks(0.9, 1e-6)
 WAVE, OTHER = np.sin(np.linspace(0, 9, 40)), np.cos(np.linspace(0, 9, 40))
@@ -150,3 +154,19 @@ def test_sets_are_together_no_more_probable_than_an_effect_that_they_hold() -> N
     with_it = [one.probability for one in told_sets(sets, [rather, likely]) if "drift" in one.found.effects]
     assert rather.probability is not None
     assert sum(with_it) == pytest.approx(rather.probability)
+
+
+class _Compared:
+    """What is asked of a comparison here: where no name is sure, and the probe that fits best on each axis."""
+
+    unsure: frozenset[str] = frozenset()
+    nearest: Mapping[str, Finding] = {}
+
+
+@pytest.mark.parametrize("log_odds", [LARGEST + 0.1, 50.0, 500.0, LARGEST - 0.1, 5.0, -2.0])
+def test_a_model_is_not_adequate_where_the_evidence_is_sure_that_there_is_more_than_noise(log_odds: float) -> None:
+    pair, noise = Alternative(("centripetal", "drift"), ("temperature",), 0.6), Alternative((), (), float(expit(-log_odds)))
+    sets = [OnAxis.of("z", pair), OnAxis.of("z", noise), OnAxis.of("x", replace(noise, probability=0.9))]
+    found = improbable_noise(sets, cast(Comparison, _Compared()))
+    assert [(f.axis, f.against, f.of_sets) for f in found] == [("z", "temperature", True)] * (log_odds > LARGEST)
+    assert all("centripetal and drift and something that follows temperature" in f.note for f in found)

@@ -8,6 +8,7 @@ import pytest
 from gyrocal.evidence import weights
 from gyrocal.evidence.answer import Evidence, _Weighing, weigh
 from gyrocal.evidence.checked import PAIRS
+from gyrocal.evidence.curve import LARGEST
 from gyrocal.evidence.discrepancy import shapes
 from gyrocal.evidence.hypotheses import options
 from gyrocal.evidence.matrix import Matrix, runs_of
@@ -114,6 +115,30 @@ def test_a_creeping_bias_is_a_rival_of_the_temperature_without_the_time_since_po
     found = evidence(replace(made, runs=tuple(following(runs))))
     assert found.log_odds["drift"] > found.log_odds["bias_temperature"]
     assert found.log_odds["bias_temperature"] < EVEN
+
+
+def odds_against_noise(found: Evidence) -> float:
+    """Logarithm of the odds that anything is there."""
+    (alone,) = (a.probability for a in found.alternatives if a.noise_alone)
+    return float(np.log((1 - alone) / max(alone, 1e-300)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_random_walk_that_goes_on_from_run_to_run_is_noise(seed: int) -> None:
+    """Each run is much shorter than the walk, which is as smooth over the power cycle as the temperature."""
+    made = session(seed, cycles=1, seconds=30.0, rates_dps=(0.0, 20.0, 50.0, 90.0, -20.0, -50.0, -90.0, 0.0))
+    rng, runs = np.random.default_rng(20 + seed), []
+    walk_dps = np.cumsum(rng.normal(0, 0.004 / 20**0.5, (len(made.runs) * len(made.runs[0]), 3)), axis=0)
+    for i, run in enumerate(made.runs):
+        gyro = run.gyro_dps + walk_dps[i * len(run) : (i + 1) * len(run)]
+        runs.append(make_run(run.t_s, gyro, table_rate_dps=run.table_rate_dps, scenario="s0", temp_c=run.temp_c))
+    found = evidence(replace(made, runs=tuple(following(runs))))
+    assert odds_against_noise(found) < np.log(20)
+    assert max(found.log_odds.values()) < SURE
+
+
+def test_noise_alone_is_told_however_improbable() -> None:
+    assert odds_against_noise(evidence(session(2, lambda t, c, w, k: 4e-4 * abs(w)))) > LARGEST
 
 
 def test_a_run_without_a_thermometer_hides_no_effect_of_temperature() -> None:

@@ -20,6 +20,8 @@ KNOTS = (
     (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4641, 0.211), (0.5771, 0.381), (1.7931, 0.647), (3.456, 0.86),
     (7.0503, 0.895), (17.6452, 0.895),
 )  # fmt: skip
+LARGEST = KNOTS[-1][0]
+"""Log odds of which the curve knows. Larger ones are not told apart."""
 FAILED = 0.293
 NAMED = 0.952
 UNNAMED = 0.481

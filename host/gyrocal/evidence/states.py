@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from gyrocal.effects.base import Role
+from gyrocal.effects.quantities import cycle_time_s
 from gyrocal.evidence.matrix import Index, Matrix
 from gyrocal.inference.factors import with_prior
 from gyrocal.noise.whitening import Noise
@@ -21,7 +22,7 @@ from gyrocal.recording.session import Array
 DRIFTS = (0.25, 0.6, 1.5, 3.5, 8.0)
 """Standard deviations of the drift, in standard deviations of the white noise's mean over a second."""
 TIMES_S = (6.0, 25.0, 100.0, 400.0, 1600.0)
-"""Correlation times of the drift, as far as they are shorter than the longest run."""
+"""Correlation times of the drift, as far as they are shorter than the longest power cycle."""
 BIAS_SPREADS_DPS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 SCALE_SPREADS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
 """Spreads of bias and scale over power cycles."""
@@ -147,11 +148,20 @@ def _drifts(matrix: Matrix) -> list[tuple[Noise, float]]:
     of_model = fit.design.noise_model.drift
     if of_model is None or of_model.known is not None:
         return [(fit.noise.times(white / fit.noise.white_sd_dps), 0.0)]
-    longest_s, second = fit.design.extent_s[0], matrix.second_dps
+    longest_s, second = _longest_cycle_s(matrix), matrix.second_dps
     times_s = [t for t in TIMES_S if t <= max(longest_s, TIMES_S[0])]
     states = [(Noise(white), float(np.log(ABSENT)))]
     each = float(np.log((1 - ABSENT) / (len(DRIFTS) * len(times_s))))
     return states + [(Noise(white, size * second, tau_s), each) for size, tau_s in product(DRIFTS, times_s)]
+
+
+def _longest_cycle_s(matrix: Matrix) -> float:
+    """The longest time between two blocks of a power cycle, s. A drift goes on from run to run."""
+    times_s: dict[int, list[Array]] = {}
+    for b, cycle in zip(matrix.design.blocks, matrix.design.scenarios.tolist(), strict=True):
+        times_s.setdefault(cycle, []).append(cycle_time_s(b.run)[b.start])
+    of_cycles = [np.concatenate(of_runs) for of_runs in times_s.values()]
+    return max((float(np.ptp(t_s)) for t_s in of_cycles if t_s.size), default=0.0)
 
 
 def _spreads(matrix: Matrix) -> list[tuple[tuple[float, ...], float]]:

@@ -23,7 +23,7 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
-from gyrocal.evidence.curve import of_set
+from gyrocal.evidence.curve import LARGEST, of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 from gyrocal.variables.time import Time
@@ -104,20 +104,24 @@ def told_sets(sets: Sequence[OnAxis], candidates: Sequence[Candidate]) -> list[O
 
 
 def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Finding]:
-    """A finding on each axis whose readings noise alone explains with a probability below what is told.
+    """A finding on each axis of which the evidence is as sure as it can be that noise alone does not explain it.
 
-    It is against what the likeliest set has without a name, or against the variable that fits best. ``sets`` are those of
-    :func:`with_probabilities`.
+    Smaller odds may be those of a drift that the states of the noise do not describe. The finding is against what the likeliest
+    set has without a name, or against the variable that fits best. ``sets`` are those of :func:`with_probabilities`.
     """
+    from scipy.special import expit
+
     out = []
     for axis in dict.fromkeys(one.axis for one in sets):
         mine = [one for one in sets if one.axis == axis]
         noise = next((one for one in mine if one.found.noise_alone), None)
-        if noise is None or noise.probability >= TOLD or mine[0] is noise or axis in comparison.unsure:
+        if noise is None or axis in comparison.unsure:
+            continue
+        chance = max(noise.found.probability, 1e-300)
+        if chance > expit(-LARGEST):
             continue
         best, nearest = mine[0].found, comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
-        chance = max(noise.found.probability, 1e-300)
         words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
         note = f"noise alone has a probability below {percentage(TOLD)}; the likeliest of what may be there is {words}"
         amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
