@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.plausibility import check
-from gyrocal.recording.angle_slopes import angle_noise_deg
+from gyrocal.recording.angle_slopes import angle_noise_deg, angle_slopes
 from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
@@ -102,6 +102,19 @@ def test_moments_in_which_a_tracker_is_noisy_are_told_and_left_out() -> None:
     assert [w.code for w in check(session)] == ["reference_jumps"]
     assert "in one stretch (at 3" in check(session)[0].text
     assert compare(session).verdict == "adequate"
+
+
+def test_the_noise_of_jittered_stamps_in_motion_is_no_reason_to_leave_the_motion_out() -> None:
+    """Stamps that are off by a millisecond add an angle where the sensor turns and none in the rests."""
+    even_s, rng = np.arange(9_000) / 100, np.random.default_rng(8)
+    moving = np.floor(even_s / 3) % 4 == 2
+    waves = (60 * np.sin(2 * np.pi * f * even_s + p) for f, p in zip((0.3, 0.5, 0.8, 1.1), rng.uniform(0, 6, 4), strict=True))
+    angle_deg = np.cumsum(moving * sum(waves)) / 100 + rng.normal(0, 2e-3, even_s.size)
+    t_s = even_s + rng.uniform(-1e-3, 1e-3, even_s.size)
+    found = angle_slopes(t_s, np.ones(t_s.size, dtype=bool), lambda rows: np.diff(angle_deg[rows])[:, None])
+    left_deg = np.abs(found.left_deg[:, 0])
+    assert np.nanmedian(left_deg[moving]) > 5 * np.nanmedian(left_deg[~moving])
+    assert not found.noisy().any()
 
 
 @pytest.mark.parametrize("every", [1, 2, 5])

@@ -149,6 +149,16 @@ def test_a_rotation_matrix_is_an_orientation(imu: Path, names: str, first: int) 
     check(found)
 
 
+def test_a_rotation_matrix_of_zeros_is_missing(imu: Path) -> None:
+    """A tracker that lost the body wrote two of them, and the whole reference was refused."""
+    cells = Rotation.from_quat(Q).as_matrix().reshape(-1, 9)
+    cells[[5, 40]] = 0.0
+    head = ",".join(["time", *(f"r{i}{j}" for i in "123" for j in "123")])
+    found = read(imu, trajectory(imu, head, np.column_stack([START_S + U_S, cells]), ","))
+    assert "ref_qw=matrix.qw" in {g.map for g in found.guessed}
+    check(found)
+
+
 def test_nine_columns_that_are_no_rotation_are_no_reference(imu: Path) -> None:
     cells = -Rotation.from_quat(Q).as_matrix().reshape(-1, 9)
     head = ",".join(["time", *(f"r{i}{j}" for i in "123" for j in "123")])

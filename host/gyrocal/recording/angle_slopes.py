@@ -62,7 +62,10 @@ class AngleSlopes(NamedTuple):
     steadier: Smoothed | None
 
     def noisy(self) -> Mask:
-        """True for the angles [n] among neighbours with much more noise than usual: a tracker sees few markers."""
+        """True for the angles [n] among neighbours with much more noise than usual: a tracker sees few markers.
+
+        None is, where most of the motion is among them: stamps that jitter add to the noise wherever the sensor turns.
+        """
         rows = np.flatnonzero(np.isfinite(self.left_deg).all(axis=1))
         found = np.zeros(len(self.left_deg), dtype=bool)
         if rows.size < 4 * NEIGHBOURS:
@@ -71,7 +74,9 @@ class AngleSlopes(NamedTuple):
         square = np.cumsum(np.pad(np.sum(self.left_deg[rows] ** 2, axis=1), beside, mode="reflect"))
         level = (square[NEIGHBOURS:] - square[:-NEIGHBOURS])[: rows.size]
         found[rows] = level > POLICY.noisy_times**2 * np.median(level)
-        return found if found[rows].mean() <= POLICY.lost_most else np.zeros_like(found)
+        power = np.nansum(self.rates**2, axis=1)
+        left_out = max(float(found[rows].mean()), float(power[found].sum()) / (float(power.sum()) or 1.0))
+        return found if left_out <= POLICY.lost_most else np.zeros_like(found)
 
 
 def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, steadier: bool = False) -> AngleSlopes:

@@ -27,13 +27,14 @@ def with_quaternion(source: Source) -> Source:
     """The table with the quaternions of its rotation matrices (body to fixed frame), if it has nine columns of such.
 
     The quaternions are ``matrix.qw`` to ``matrix.qz``. The nine columns are named by row and column from 1 or 0 (``r11`` to
-    ``r33``, ``R00``), or are an array's in the order of its rows. Rows of length 1 at right angles make a rotation.
+    ``r33``, ``R00``), or are an array's in the order of its rows. Rows of length 1 at right angles make a rotation; a tracker
+    that saw nothing writes zeros, and such a matrix is missing.
     """
     names = _nine(source)
     if not names:
         return source
     cells = np.column_stack([source.numbers(ColumnMap("gz_dps", name)) for name in names])
-    known = np.isfinite(cells).all(axis=1)
+    known = np.isfinite(cells).all(axis=1) & cells.any(axis=1)
     if known.sum() < 2:
         return source
     matrices = cells[known].reshape(-1, 3, 3)
