@@ -15,7 +15,7 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effect
 from gyrocal.evidence.answer import Alternative
 from gyrocal.evidence.checked import Checks
-from gyrocal.evidence.curve import LARGEST
+from gyrocal.evidence.curve import KNOTS
 
 PASSED, FAILED = Checks(0.9, 0.4), Checks(0.9, 1e-6)
 WAVE, OTHER = np.sin(np.linspace(0, 9, 40)), np.cos(np.linspace(0, 9, 40))
@@ -163,10 +163,10 @@ class _Compared:
     nearest: Mapping[str, Finding] = {}
 
 
-@pytest.mark.parametrize("log_odds", [LARGEST + 0.1, 50.0, 500.0, LARGEST - 0.1, 5.0, -2.0])
+@pytest.mark.parametrize("log_odds", [KNOTS[-1][0] + 0.1, 50.0, 500.0, KNOTS[-1][0] - 0.1, 5.0, -2.0])
 def test_a_model_is_not_adequate_where_the_evidence_is_sure_that_there_is_more_than_noise(log_odds: float) -> None:
     pair, noise = Alternative(("centripetal", "drift"), ("temperature",), 0.6), Alternative((), (), float(expit(-log_odds)))
     sets = [OnAxis.of("z", pair), OnAxis.of("z", noise), OnAxis.of("x", replace(noise, probability=0.9))]
     found = improbable_noise(sets, cast(Comparison, _Compared()))
-    assert [(f.axis, f.against, f.of_sets) for f in found] == [("z", "temperature", True)] * (log_odds > LARGEST)
+    assert [(f.axis, f.against, f.of_sets) for f in found] == [("z", "temperature", True)] * (log_odds > KNOTS[-1][0])
     assert all("centripetal and drift and something that follows temperature" in f.note for f in found)

@@ -8,7 +8,7 @@ import pytest
 from gyrocal.evidence import weights
 from gyrocal.evidence.answer import Evidence, _Weighing, weigh
 from gyrocal.evidence.checked import PAIRS
-from gyrocal.evidence.curve import LARGEST
+from gyrocal.evidence.curve import KNOTS
 from gyrocal.evidence.discrepancy import shapes
 from gyrocal.evidence.hypotheses import options
 from gyrocal.evidence.matrix import Matrix, runs_of
@@ -138,7 +138,7 @@ def test_a_random_walk_that_goes_on_from_run_to_run_is_noise(seed: int) -> None:
 
 
 def test_noise_alone_is_told_however_improbable() -> None:
-    assert odds_against_noise(evidence(session(2, lambda t, c, w, k: 4e-4 * abs(w)))) > LARGEST
+    assert odds_against_noise(evidence(session(2, lambda t, c, w, k: 4e-4 * abs(w)))) > KNOTS[-1][0]
 
 
 def test_a_run_without_a_thermometer_hides_no_effect_of_temperature() -> None:

@@ -69,6 +69,7 @@ def test_a_complete_model_is_adequate_for_compare_and_diagnose() -> None:
     model = full(Model.open(None))
     compared, found = compare(session, model), diagnose(session, model)
     assert compared.verdict == found.verdict == "adequate"
+    assert found.to_json()["alternatives"] == []  # sets of effects are weighed for rates alone
     assert compared.pooled.rms_deg == pytest.approx(compared.pooled.floor_deg, rel=0.25)
 
 

@@ -20,8 +20,6 @@ KNOTS = (
     (-4.4032, 0.006), (-3.2215, 0.009), (-1.7486, 0.052), (-0.4641, 0.211), (0.5771, 0.381), (1.7931, 0.647), (3.456, 0.86),
     (7.0503, 0.895), (17.6452, 0.895),
 )  # fmt: skip
-LARGEST = KNOTS[-1][0]
-"""Log odds of which the curve knows. Larger ones are not told apart."""
 FAILED = 0.293
 NAMED = 0.952
 UNNAMED = 0.481
@@ -37,6 +35,11 @@ def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_s
 def sure(log_odds: float, checks: Checks | None) -> bool:
     """True if the evidence is sure of an effect, which passes its checks if it has any."""
     return log_odds >= POLICY.sure_log_odds and (checks is None or checks.passed(log_odds))
+
+
+def beyond(log_odds: float) -> bool:
+    """True for log odds that are larger than all of which the curve knows."""
+    return log_odds > KNOTS[-1][0]
 
 
 def of_set(log_odds: float) -> float:

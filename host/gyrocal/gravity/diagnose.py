@@ -57,7 +57,7 @@ class Diagnosis(Shown):
     def to_json(self) -> dict[str, Any]:
         return {
             "verdict": self.verdict, "residual": "angle", "candidates": [candidate_json(c) for c in self.candidates],
-            "unknown": self.unknown, "warnings": [w.to_json() for w in self.comparison.warnings],
+            "unknown": self.unknown, "alternatives": [], "warnings": [w.to_json() for w in self.comparison.warnings],
         }  # fmt: skip
 
 

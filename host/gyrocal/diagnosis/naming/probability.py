@@ -23,7 +23,7 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
-from gyrocal.evidence.curve import LARGEST, of_set
+from gyrocal.evidence.curve import beyond, of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 from gyrocal.variables.time import Time
@@ -109,7 +109,7 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
     Smaller odds may be those of a drift that the states of the noise do not describe. The finding is against what the likeliest
     set has without a name, or against the variable that fits best. ``sets`` are those of :func:`with_probabilities`.
     """
-    from scipy.special import expit
+    from scipy.special import logit
 
     out = []
     for axis in dict.fromkeys(one.axis for one in sets):
@@ -118,7 +118,7 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
         if noise is None or axis in comparison.unsure:
             continue
         chance = max(noise.found.probability, 1e-300)
-        if chance > expit(-LARGEST):
+        if not beyond(-float(logit(chance))):
             continue
         best, nearest = mine[0].found, comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
