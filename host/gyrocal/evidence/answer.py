@@ -41,6 +41,13 @@ class Alternative:
     probability: float
 
     @property
+    def log_odds(self) -> float:
+        """The logarithm of the odds of the set, finite for certain and impossible ones too."""
+        from scipy.special import logit
+
+        return float(logit(np.clip(self.probability, 1e-300, 1 - 1e-12)))
+
+    @property
     def noise_alone(self) -> bool:
         """True for the set of no effect, with nothing left over."""
         return (self.effects, self.unnamed) == NOISE_ALONE

@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 
 from gyrocal.effects.base import Role
-from gyrocal.effects.quantities import cycle_time_s
 from gyrocal.evidence.matrix import Index, Matrix
+from gyrocal.inference.carried_drift import times_of_cycles
 from gyrocal.inference.factors import with_prior
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
@@ -148,20 +148,12 @@ def _drifts(matrix: Matrix) -> list[tuple[Noise, float]]:
     of_model = fit.design.noise_model.drift
     if of_model is None or of_model.known is not None:
         return [(fit.noise.times(white / fit.noise.white_sd_dps), 0.0)]
-    longest_s, second = _longest_cycle_s(matrix), matrix.second_dps
+    of_cycles = [np.concatenate(times_s) for _, times_s in times_of_cycles(fit.design)]
+    longest_s, second = max((float(np.ptp(t_s)) for t_s in of_cycles), default=0.0), matrix.second_dps
     times_s = [t for t in TIMES_S if t <= max(longest_s, TIMES_S[0])]
     states = [(Noise(white), float(np.log(ABSENT)))]
     each = float(np.log((1 - ABSENT) / (len(DRIFTS) * len(times_s))))
     return states + [(Noise(white, size * second, tau_s), each) for size, tau_s in product(DRIFTS, times_s)]
-
-
-def _longest_cycle_s(matrix: Matrix) -> float:
-    """The longest time between two blocks of a power cycle, s. A drift goes on from run to run."""
-    times_s: dict[int, list[Array]] = {}
-    for b, cycle in zip(matrix.design.blocks, matrix.design.scenarios.tolist(), strict=True):
-        times_s.setdefault(cycle, []).append(cycle_time_s(b.run)[b.start])
-    of_cycles = [np.concatenate(of_runs) for of_runs in times_s.values()]
-    return max((float(np.ptp(t_s)) for t_s in of_cycles if t_s.size), default=0.0)
 
 
 def _spreads(matrix: Matrix) -> list[tuple[tuple[float, ...], float]]:

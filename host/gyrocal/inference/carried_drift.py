@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.effects.quantities import cycle_time_s
+from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.reml import Equations, Solution, Spreads
 from gyrocal.noise.whitening import Noise, Summed
@@ -35,7 +36,7 @@ def carried_factor(current: AxisFit) -> Array:
     own = np.diag(current.solution.cov)
     if current.noise.ou_sd_dps <= 0 or not own.size:
         return np.ones(own.size)
-    known = list(_cycles(current))
+    known = list(times_of_cycles(current.design))
     accounts = [[_summed(current, runs, _apart(times)) for runs, times in known]]
     in_order = all((np.diff(np.concatenate(times)) > 0).all() for _, times in known)
     if in_order and any(len(runs) > 1 for runs, _ in known):
@@ -53,9 +54,8 @@ def carried_factor(current: AxisFit) -> Array:
     return np.asarray(np.sqrt(np.maximum(weights @ variances / weights.sum() / own, 1.0)))
 
 
-def _cycles(current: AxisFit) -> Iterator[tuple[list[int], list[Array]]]:
+def times_of_cycles(design: Design) -> Iterator[tuple[list[int], list[Array]]]:
     """The runs of each power cycle in the order of time, and the times [m] of their blocks, s."""
-    design = current.design
     for cycle in np.unique(design.scenarios):
         runs = [i for i in np.flatnonzero(design.scenarios == cycle).tolist() if design.blocks[i].t_s.size]
         times = {i: design.blocks[i].mean(cycle_time_s(design.blocks[i].run)[:, None])[:, 0] for i in runs}

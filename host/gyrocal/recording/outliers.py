@@ -33,11 +33,11 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
     if y_dps.size < 3 * NEIGHBOURS:
         return nothing
-    step_dps = max(step_dps, _usual_step(y_dps))
     level = y_dps - between(y_dps)
     least = ROBUST * float(np.median(np.abs(level)))
-    if not np.any(np.abs(level) > STANDS_OUT * least + step_dps):  # no larger spread finds more
+    if not np.any(np.abs(level) > STANDS_OUT * least + step_dps):  # no larger spread or step finds more
         return nothing
+    step_dps = max(step_dps, _usual_step(y_dps))
     apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
     spread = spread_of(level, apart, step_dps)
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps

@@ -43,9 +43,7 @@ class OnAxis:
     @staticmethod
     def of(axis: str, found: Alternative) -> OnAxis:
         """With the probability that the curve gives the set by itself."""
-        from scipy.special import logit
-
-        return OnAxis(axis, found, of_set(float(logit(np.clip(found.probability, 1e-300, 1 - 1e-12)))))
+        return OnAxis(axis, found, of_set(found.log_odds))
 
     def to_json(self) -> dict[str, Any]:
         found = self.found
@@ -109,23 +107,17 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
     Smaller odds may be those of a drift that the states of the noise do not describe. The finding is against what the likeliest
     set has without a name, or against the variable that fits best. ``sets`` are those of :func:`with_probabilities`.
     """
-    from scipy.special import logit
-
     out = []
-    for axis in dict.fromkeys(one.axis for one in sets):
-        mine = [one for one in sets if one.axis == axis]
-        noise = next((one for one in mine if one.found.noise_alone), None)
-        if noise is None or axis in comparison.unsure:
+    for axis, noise in ((one.axis, one.found) for one in sets if one.found.noise_alone):
+        if axis in comparison.unsure or not beyond(-noise.log_odds):
             continue
-        chance = max(noise.found.probability, 1e-300)
-        if not beyond(-float(logit(chance))):
-            continue
-        best, nearest = mine[0].found, comparison.nearest.get(axis)
+        best, nearest = next(one.found for one in sets if one.axis == axis), comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
         words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
         note = f"noise alone has a probability below {percentage(TOLD)}; the likeliest of what may be there is {words}"
         amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
-        out.append(Finding(axis, against, float(np.sqrt(-2 * np.log(chance))), chance, amplitude_dps, note, of_sets=True))
+        strength = float(np.sqrt(-2 * noise.log_odds))
+        out.append(Finding(axis, against, strength, noise.probability, amplitude_dps, note, of_sets=True))
     return sorted(out, key=lambda f: -f.strength)
 
 
