@@ -120,6 +120,16 @@ def test_the_device_outlives_its_readers(session: Session, tcp: str | None) -> N
     assert first[-1].seq < second[0].seq
 
 
+@pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])
+def test_a_reader_who_comes_back_at_once_is_told_that_the_device_replays(session: Session, tcp: str | None) -> None:
+    """The reader is back before the port has told that it was gone: the note does not hang on that."""
+    with device.SimulatedDevice(session, hold=True, tcp=tcp) as simulated:
+        for _ in range(30):
+            with Link(simulated.port) as link:
+                link.greet()
+                assert link.replays
+
+
 def test_commands_reach_the_core_through_the_port(session: Session) -> None:
     with device.SimulatedDevice(session, hold=True) as simulated, Link(simulated.port) as link:
         hello = link.greet()

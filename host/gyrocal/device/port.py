@@ -29,7 +29,7 @@ HELLO_S = 10.0
 ANSWER_S = 3.0
 RETRY_S = 0.5
 REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
-"""The log line that a simulated device sends to every reader who opens its port."""
+"""The log line that a simulated device sends before each answer to a hello."""
 BUSY = "another program has it open; close that one first"
 BUSY_NOTE = "busy: " + BUSY
 """The log line with which a simulated device rejects a second reader."""

@@ -23,6 +23,9 @@ DEFAULT_BUS = "i2c"
 WITH_FIFO = ("LSM6DSO", "LSM6DSR", "LSM6DSV", "BMI")
 """How the names of sensors begin whose FIFO the firmware uses."""
 WITHOUT_SPI = "MPU-6050"
+HELLO_TAKEN = b",cmd=hello"
+"""What the answer to a hello holds. Before each, a reader is told that the device replays: of a reader who closes the port and
+opens it again at once, the port tells nothing."""
 
 
 def sim_command(
@@ -179,18 +182,14 @@ def serve(
 
 def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, stopped: Callable[[], bool]) -> None:
     pending = b""
-    was_there = False
     replays = not any("--bench" in sim.command for sim in sims)
     going = list(sims)
     for sim in sims:
         sim.write(b"hello\n")  # its first hello comes before its settings
     while (going or pending) and not stopped():
         there = outlet.connected()
-        if there and not was_there and replays:
-            pending = f"# {REPLAY_NOTE}\n".encode() + pending
-        elif not there and not wait_for_reader:
+        if not there and not wait_for_reader:
             pending = b""
-        was_there = there
         poll = select.poll()
         for sim in [] if pending else going:
             poll.register(sim.fd, select.POLLIN)
@@ -205,6 +204,8 @@ def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, sto
         if not pending:
             ready = select.select([sim.fd for sim in going], [], [], 0)[0]
             pending = b"".join(sim.read() for sim in going if sim.fd in ready)
+            if replays and HELLO_TAKEN in pending:
+                pending = f"# {REPLAY_NOTE}\n".encode() + pending
             going = [sim for sim in going if not sim.ended]
 
 
