@@ -15,11 +15,11 @@ from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.angle_slopes import GAP_STEPS
 from gyrocal.recording.header import Axis, Face, Reference
-from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
+from gyrocal.recording.measured_rates import QUATERNION, MeasuredRates, measured_rates
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.registration import Registration
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed, smoothed_temperature
-from gyrocal.recording.stamped import right_times
+from gyrocal.recording.stamped import right_times, without_jitter
 from gyrocal.recording.stamps import in_bursts, regression, step_range_s, weights
 from gyrocal.recording.table import check_table, read_table_and_damage
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing, between
@@ -126,9 +126,13 @@ class Run:
 
     @cached_property
     def sample_s(self) -> Array:
-        """Time of each sample, shape [n], s: as in the file, or by regression on its number if times come in bursts."""
+        """Time of each sample, shape [n], s: as in the file, or by regression on its number if times come in bursts, or if
+        they jitter and measured orientations do not.
+        """
         if not in_bursts(self.t_s):
-            return self.t_s
+            found = [self.column(name) for name in QUATERNION]
+            orientations = [column for column in found if column is not None]
+            return without_jitter(self.t_s, np.column_stack(orientations)) if len(orientations) == len(found) else self.t_s
         stamps = regression(self.t_s)
         forward = step_range_s(self.t_s)[0] > 0  # uneven samples are told from stamps in bursts by their readings
         return self.t_s if forward and right_times(self.t_s, stamps, self.gyro_dps) == "stamps" else stamps.t_s

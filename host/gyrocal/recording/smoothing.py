@@ -39,9 +39,9 @@ TURNS_BACK = 0.25
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
 SLOPE_OF_SPLINE, VALUE_OF_SPLINE = 0.174, 0.345
-"""Variances of the slope and of the value of a spline that smooths twice, for a width of one step: ``1 / pi`` times the integral
-of ``(w H(w))^2`` and of ``H(w)^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of the
-frequency w / width."""
+"""Variances of the slope and of the value of a spline that smooths twice, for a width of one step: ``1 / pi`` times the
+integral of ``(w H(w))^2`` and of ``H(w)^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of
+the frequency w / width."""
 LONGEST_LINE_S = 1.0
 DIRECT = 129
 """Values of a window up to which a direct convolution is faster than a Fourier transform."""

@@ -19,6 +19,8 @@ LONGEST_S = 1e9
 """Times that span more than this, thirty years, are no times of one recording."""
 UNEVEN = 0.1
 """Part of the mean step by which a step must be off it for its neighbourhood to tell stamps from numbers."""
+JITTER = 0.01
+"""The same beside measured orientations, which are much more precise than readings."""
 GAP = 1.5
 """Steps longer than this, in intervals, may hold a lost sample."""
 MOST = 200_000
@@ -30,15 +32,31 @@ ERRORS = 4.0
 """Standard errors of the difference of both predictions from which on the smaller one is right."""
 
 
-def right_times(t_s: Array, stamps: Stamps, readings: Array) -> str | None:
+def without_jitter(t_s: Array, orientations: Array) -> Array:
+    """Times [n], s, by regression on the numbers of the samples if these are the times of measured ``orientations`` [n, 4].
+
+    A small jitter of the stamps does little to the readings, but the slope of an angle that turns fast shows it. Unit
+    quaternions of either sign stand for the same orientation.
+    """
+    least_s, largest_s = step_range_s(t_s)
+    if largest_s <= (1 + JITTER) * least_s:
+        return t_s
+    stamps = regression(t_s)
+    same = np.where(np.sum(orientations[1:] * orientations[:-1], axis=1) < 0, -1.0, 1.0)
+    smooth = orientations * np.cumprod(np.concatenate([[1.0], same]))[:, None]
+    return stamps.t_s if stamps.even and right_times(t_s, stamps, smooth, JITTER) == "numbers" else t_s
+
+
+def right_times(t_s: Array, stamps: Stamps, readings: Array, uneven: float = UNEVEN) -> str | None:
     """``stamps`` or ``numbers``, whichever are the times of readings [n, k]; None where these do not tell, as at rest.
 
-    ``t_s`` [n], s, are the stamps, which must increase, and ``stamps`` their regression.
+    ``t_s`` [n], s, are the stamps, which must increase, and ``stamps`` their regression. Steps that are off the mean one by
+    more than the part ``uneven`` of it tell.
     """
     t_s, number, readings = t_s[:MOST], stamps.number[:MOST].astype(np.float64), readings[:MOST]
     if t_s.size < FEWEST:
         return None
-    off = np.abs(np.diff(t_s) / stamps.period_s - np.diff(number)) > UNEVEN
+    off = np.abs(np.diff(t_s) / stamps.period_s - np.diff(number)) > uneven
     near = off[:-3] | off[1:-2] | off[2:-1] | off[3:]
     inside = near & (number[4:] - number[:-4] == 4) & np.isfinite(readings[2:-2]).all(axis=1)
     if inside.sum() < FEWEST:
