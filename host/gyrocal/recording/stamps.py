@@ -57,6 +57,9 @@ SCATTERED, OFTEN = 0.1, 0.05
 all, the stamps scatter."""
 OF_GRID = 0.02
 """Part of the steps that may be no whole number of intervals where the others are: exact stamps with lost samples."""
+LONG_TICK, EXACT = 4, 2.0
+"""Samples to one tick of the clock, from which on a program's wandering loop looks like losses; and the intervals within which
+the first samples of ticks keep to an exact sampler's course."""
 OTHER_RATE = 64
 """Steps in a row of one length, longer than the usual one: the logger has taken another rate, and lost nothing."""
 CATCHES_UP = -0.25
@@ -286,9 +289,34 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
             break
         timely = _timely(found, t_s)
         number, interval_s = found, _slope_s(found[timely], t_s[timely])
+    if number[-1] + 1 > n and _wanders_between_ticks(t_s, number):
+        every = np.arange(n)
+        timely = _timely(every, t_s)
+        return every, _slope_s(every[timely], t_s[timely]), True
     if _contradicts(t_s, number, interval_s, burst):
         return np.arange(n), _mean_step_s(np.diff(t_s)), False
     return number, interval_s, True
+
+
+def _wanders_between_ticks(t_s: Array, number: Index) -> bool:
+    """True if the losses that ``number`` [n] holds may as well be a sampler whose interval wanders, beside a clock's long ticks.
+
+    Between two ticks a program's loop gains or falls behind by a sample or two. The first sample of each tick of an exact sampler
+    comes within one interval after it, once its losses are counted, and within two where a loss is found some samples off.
+    Where it does not, and would be off by less than half a tick without any loss, none is known.
+    """
+    ticks = _first_of_ticks(t_s)
+    of_tick = t_s.size / ticks.size
+    if of_tick < LONG_TICK:
+        return False
+    with_losses, without = (_spread(count, t_s[ticks]) for count in (number[ticks], ticks))
+    return with_losses > EXACT and without < of_tick * USUAL
+
+
+def _spread(number: Index, t_s: Array) -> float:
+    """The range of what a line through times [n], s, on their numbers leaves, in intervals."""
+    slope_s, start_s = np.polyfit(number, t_s - t_s[0], 1)
+    return float(np.ptp(t_s - t_s[0] - start_s - slope_s * number)) / float(slope_s)
 
 
 def _contradicts(t_s: Array, number: Index, interval_s: float, burst: int) -> bool:
