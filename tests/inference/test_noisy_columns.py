@@ -11,7 +11,8 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.plausibility import check
 from gyrocal.recording.header import Reference
-from gyrocal.recording.smoothing import smoothed_temperature
+from gyrocal.recording.run import Run
+from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed_temperature
 from known import ON_Z
 from make_runs import make_run, make_session
 
@@ -93,6 +94,21 @@ def test_the_bound_of_an_unknown_attenuation_is_told():
     assert "ref_noise_dps" in warning.text
     assert "noise_unknown" not in [w.code for w in check(jumpy(ref_noise_dps=0.5))]
     assert "noise_unknown" not in [w.code for w in check(weak_swing(0))]
+
+
+@pytest.mark.parametrize("part", [0.4, 0.7, 0.9, 0.99])
+def test_of_a_rate_that_is_mostly_noise_no_more_than_half_is_taken_out(part, monkeypatch):
+    """Without its whole noise, next to nothing is left to divide by, and beside a drift less than nothing."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(6000) / RATE_HZ
+    rate = np.sin(2 * np.pi * 0.05 * t_s) + np.sin(2 * np.pi * 0.31 * t_s)
+    drift = np.cumsum(rng.normal(0, 0.01, t_s.size))
+    gyro = rng.normal(0, GYRO_SD, (t_s.size, 3)) + (rate + drift)[:, None]
+    noisy = Smoothed(rate, np.full(t_s.size, part), NoiseLevel(100.0, 0.1))
+    monkeypatch.setattr(Run, "smooth_rate", noisy)
+    value, se = scale_of(make_session(make_run(t_s, gyro, rate_ref_dps=rate, rate_hz=RATE_HZ)))
+    assert abs(value) < 1.1
+    assert np.isfinite(se)
 
 
 def test_the_stated_noise_of_a_thermometer_is_believed():

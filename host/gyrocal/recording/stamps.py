@@ -299,11 +299,11 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
 
 
 def _wanders_between_ticks(t_s: Array, number: Index) -> bool:
-    """True if the losses that ``number`` [n] holds may as well be a sampler whose interval wanders, beside a clock's long ticks.
+    """True if the losses that ``number`` [n] holds may as well be a sampler whose interval wanders, by a clock with long ticks.
 
-    Between two ticks a program's loop gains or falls behind by a sample or two. The first sample of each tick of an exact sampler
-    comes within one interval after it, once its losses are counted, and within two where a loss is found some samples off.
-    Where it does not, and would be off by less than half a tick without any loss, none is known.
+    Between two ticks a program's loop gains or falls behind by a sample or two. The first sample of each tick of an exact
+    sampler comes within one interval after it, once its losses are counted, and within two where a loss is found some samples
+    off. Where it does not, and would be off by less than half a tick without any loss, none is known.
     """
     ticks = _first_of_ticks(t_s)
     of_tick = t_s.size / ticks.size
