@@ -318,6 +318,18 @@ def test_a_reference_of_another_motion_blocks_and_says_so(shift_s: float | None)
     assert "differ by less than 2 s" in warning.text
 
 
+@pytest.mark.parametrize(("seed", "blocks"), [(0, False), (1, True)])
+def test_a_reference_that_is_too_slow_for_the_steps_of_a_walk_belongs_to_the_readings_all_the_same(
+    seed: int, blocks: bool
+) -> None:
+    """At 5 Hz it shows the slow third of their power; and one of another motion not even that."""
+    t_s, seen = np.arange(3000) / RATE_HZ, np.arange(3000) % 10 == 0
+    steps = 2.0 * np.std(motion(t_s)) * np.sin(2 * np.pi * 7.3 * t_s[:, None] + [0.0, 1.0, 2.0])
+    ref = np.where(seen[:, None], motion(t_s, seed), np.nan)
+    told = {w.code for w in references.check(with_reference(motion(t_s) + steps, **rates(ref))) if w.blocking}
+    assert told == ({"reference_unrelated"} if blocks else set())
+
+
 @pytest.mark.parametrize(
     "change",
     [lambda q: q[:, [1, 2, 3, 0]], lambda q: q * [1.0, -1.0, -1.0, -1.0]], ids=["x, y, z, w", "fixed frame to body"],

@@ -57,6 +57,8 @@ ONE_UNIT = 10.0
 ROTATIONS = 5
 """Gauss-Newton steps from Wahba's rotation to that beside scale and misalignment."""
 PAIRS = ((0, 1), (0, 2), (1, 2))
+SLOW_STEPS, FEWEST_MEANS = 8, 20
+"""A reference shows means over so many of its steps, of which a run has at least so many."""
 LEAST_EXPLAINED = 0.5
 """Smallest fraction of the readings' power that an additional offset must explain."""
 
@@ -114,6 +116,11 @@ class _Reading:
         known = self.reference.known
         smooth = self.rates(self.reference.t_s[known])
         return float(np.max(np.mean((self.reference.rates_dps[known] - smooth) ** 2, axis=0)))
+
+    @cached_property
+    def reference_step_s(self) -> float:
+        """The usual time from one sample of the reference to the next, s."""
+        return float(np.median(np.diff(self.reference.t_s[self.reference.known])))
 
     @cached_property
     def middle_s(self) -> float:
@@ -187,8 +194,28 @@ class _Search:
         if own_clock:
             parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
             parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
-        left = float(best.squares.sum()) / max(best.readings, 1e-300)
+        left = min(float(best.squares.sum()) / max(best.readings, 1e-300), self._left_slowly(best))
         return RegistrationFit(registration, tuple(parameters), alternatives, mirrored, best.readings**0.5, left)
+
+    def _left_slowly(self, best: _Trial) -> float:
+        """The part of the power of slow means of the readings that the best linear map of the reference's leaves.
+
+        A reference with few samples cannot show what is faster, such as the steps of who carries the sensor.
+        """
+        from scipy.ndimage import uniform_filter1d
+
+        pairs = []
+        for r in self.readings:
+            at_s = Registration(offset_s=best.offset_s, drift=best.drift).moment_s(r.t_s)
+            use = r.recorded(at_s)
+            size = round(SLOW_STEPS * r.reference_step_s / float(np.median(np.diff(r.t_s))))
+            if size > 1 and use.sum() > FEWEST_MEANS * size:
+                pairs.append([uniform_filter1d(v[use] - v[use].mean(axis=0), size, axis=0) for v in (r.y_dps, r.rates(at_s))])
+        if not pairs:
+            return 1.0
+        y, w = (np.concatenate(columns) for columns in zip(*pairs, strict=True))
+        left = y - w @ np.linalg.lstsq(w, y, rcond=None)[0]
+        return float(np.sum(left**2) / max(float(np.sum(y**2)), 1e-300))
 
     def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:
         starts = self._starts_s()
