@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from numpy.typing import NDArray
 
 from gyrocal.cli import main
 from gyrocal.error_model.model import Model
@@ -19,6 +20,7 @@ from gyrocal.recording.cut import Cut
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, import_recording, read_recording
+from gyrocal.recording.register import registered
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Session
@@ -355,6 +357,32 @@ def test_the_columns_of_a_second_file_are_guessed(tmp_path: Path, columns: list[
     found = read_recording(tmp_path / "imu.csv", Options(second=SecondFile(tmp_path / "ref.csv", ())))
     assert {g.map.partition("=")[0] for g in found.guessed if g.option == "--ref-map"} >= {"t_s", taken}
     assert np.nanmedian(np.abs(found.session.runs[0].about("z").rate_dps)) == pytest.approx(40, rel=0.02)
+
+
+@pytest.mark.parametrize("own_start_s", [0.0, 7e8])
+@pytest.mark.parametrize("early_s", [-8.25, 5.5, 0.4])
+def test_a_reference_that_began_seconds_before_or_later_is_shifted(
+    tmp_path: Path, early_s: float, own_start_s: float
+) -> None:
+    """Its clock is its own. Shifted by the user as the error advised, it was said to be as far off as before."""
+    rng = np.random.default_rng(4)
+    u = np.arange(0, 90, 0.02)
+    f, p, a = rng.uniform(0.1, 1.0, (6, 3)), rng.uniform(0, 7, (6, 3)), rng.normal(0, 20, (6, 3))
+
+    def rates(t_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        found = np.sum(a * np.sin(2 * np.pi * f * t_s[:, None, None] + p), axis=1)
+        return {name: found[:, i] for i, name in enumerate(("wx", "wy", "wz"))}
+
+    pl.DataFrame({"t_s": u} | rates(u)).write_csv(tmp_path / "imu.csv")
+    pl.DataFrame({"t_s": u + own_start_s} | rates(u - early_s)).write_csv(tmp_path / "ref.csv")
+    maps = ["t_s=t_s", *(f"ref_{a}_dps=w{a}" for a in "xyz")]
+    second = SecondFile(tmp_path / "ref.csv", maps, "own")
+    found = read_recording(tmp_path / "imu.csv", Options(["t_s=t_s", *(f"g{a}_dps=w{a}" for a in "xyz")], second=second))
+    told = [float(w.text.split(": ")[1].split()[0]) for w in found.warnings if w.code == "reference_shifted"]
+    assert told == pytest.approx([-early_s] * (abs(early_s) > 2), abs=0.03)
+    left = registered(found.session).registration_fit
+    assert left is not None
+    assert abs(left.registration.offset_s + early_s + sum(told)) < 0.02
 
 
 def test_clocks_that_do_not_overlap_are_told(tmp_path: Path) -> None:

@@ -25,8 +25,10 @@ from gyrocal.recording.hung import read_too_fast, without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
 from gyrocal.recording.joined import Files, stem_of
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
+from gyrocal.recording.register import later_by_s
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.run import points_up
+from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, check_rate_known, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
@@ -148,11 +150,20 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
         sensor=options.sensor, full_scale_dps=options.full_scale_dps, lsb_dps=options.scaling.lsb_dps,
         reference=options.reference, corrected=corrected.pop(),
     )  # fmt: skip
+    second = options.second
+    if second is not None and not second.later_s and (later_s := later_by_s(session)):
+        found = read_recording(source, replace(options, second=replace(second, later_s=later_s)), existing)
+        return replace(found, warnings=(*found.warnings, _shifted(second, later_s)), guessed=(*guessed, *of_reference.guessed))
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
     repaired |= {"resampled": slowed} if slowed else {}
     return Imported(
         session, (*guessed, *of_reference.guessed), tuple(warnings), repaired, (*rows, *of_reference.first_rows), len(files)
     )
+
+
+def _shifted(second: SecondFile, later_s: float) -> Warning:
+    text = f"{second.path.name}: {later_s:+.2f} s were added to its times, as its motion fits the readings only there"
+    return Warning("reference_shifted", None, None, text)
 
 
 def _decided_by_another(

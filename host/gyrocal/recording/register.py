@@ -81,6 +81,18 @@ def registered(session: Session) -> Session:
     return replace(session.with_runs(seen), registration_fit=replace(fit, lost=tuple(gone.values())))
 
 
+def later_by_s(session: Session) -> float:
+    """What is to be added to the times of a reference with a clock of its own, s, where more than :data:`LATEST_S` is missing.
+
+    0 where less is, and where no shift makes the reference fit the readings.
+    """
+    runs = [r for r in session.runs if r.measured_rates is not None and r.measured_rates.motions]
+    if not runs or session.reference.clock != "own":
+        return 0.0
+    search = _Search([_Reading.of(r) for r in _thinned([r for r in runs if r.three_axes] or runs)])
+    return search.later_by_s() or 0.0
+
+
 def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:
     every = max(1, round(sum(map(len, runs)) / MOST_SAMPLES))
     return [(run, every) for run in runs]
@@ -297,19 +309,27 @@ class _Search:
 
         Raises InputError if they follow it only at a larger one.
         """
-        lags_s, left = self._left()
-        inside = np.abs(lags_s) <= LATEST_S
-        best_in, best_out = float(left[inside].min()), int(np.argmin(left))
-        if not inside[best_out] and left[best_out] < min(WORSE * best_in, 1 - LEAST_EXPLAINED):
+        later_s = self.later_by_s()
+        if later_s is not None:
             raise InputError(
-                f"the reference fits the readings only if its times are shifted by {lags_s[best_out]:+.2f} s, more than "
-                f"{LATEST_S:g} s. Add {lags_s[best_out]:.2f} s to the reference's times and import again"
+                f"the reference fits the readings only if its times are shifted by {later_s:+.2f} s, more than "
+                f"{LATEST_S:g} s. Add {later_s:.2f} s to the reference's times and import again"
             )
-        low = np.flatnonzero(inside)
+        lags_s, left = self._left
+        low = np.flatnonzero(np.abs(lags_s) <= LATEST_S)
         padded = np.concatenate([[np.inf], left[low], [np.inf]])
         minima = low[(padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])]
         return [float(lags_s[i]) for i in minima[np.argsort(left[minima])][:CANDIDATES]]
 
+    def later_by_s(self) -> float | None:
+        """The offset beyond :data:`LATEST_S` at which alone the readings follow the reference; None if there is no such one."""
+        lags_s, left = self._left
+        inside = np.abs(lags_s) <= LATEST_S
+        best_in, best_out = float(left[inside].min()), int(np.argmin(left))
+        late = not inside[best_out] and left[best_out] < min(WORSE * best_in, 1 - LEAST_EXPLAINED)
+        return float(lags_s[best_out]) if late else None
+
+    @cached_property
     def _left(self) -> tuple[Array, Array]:
         """Offsets of the grid [m], s, and the part of the readings' power [m] that the best linear map leaves at each."""
         step_s = max(1 / GRID_HZ, min(float(np.median(np.diff(r.t_s))) for r in self.readings))

@@ -32,7 +32,7 @@ REACH = 3.0
 class SecondFile:
     """The file of the reference: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if both have one clock.
 
-    ``names`` are all columns of a text without a header.
+    ``names`` are all columns of a text without a header. ``later_s`` is added to the times of a clock of its own, s.
     """
 
     path: Path
@@ -40,6 +40,7 @@ class SecondFile:
     clock: str = "same"
     topic: str | None = None
     names: Sequence[str] | None = None
+    later_s: float = 0.0
 
     def guessed(self) -> tuple[SecondFile, tuple[Guess, ...]]:
         """The file with a guess at its columns; as it is, with no guess, if they are given."""
@@ -107,7 +108,7 @@ class SecondFile:
                     "was stamped by another clock: --ref-clock own"
                 )
             apart_s = 0.0
-        return _at(t_s, times + apart_s, columns)
+        return _at(t_s, times + apart_s + self.later_s, columns)
 
 
 def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
