@@ -41,6 +41,18 @@ def test_a_name_without_support_is_suggested() -> None:
         assert decisions(one) == {"drift": ("suggest", ())}
 
 
+def test_beside_a_sure_name_no_improbable_effect_of_its_axis_is_suggested() -> None:
+    sure, echo = candidate("drift", "add", 6.0), candidate("warmup", "suggest", -4.0, None)
+    likely = candidate("spin_up", "suggest", -1.0, None, signal=OTHER)
+    unjudged = candidate("thermal_lag", "suggest", None, None)
+    other = candidate("warmup", "suggest", -4.0, None, axis="x")
+    assert decisions(sure, echo, likely, unjudged) == {
+        "drift": ("add", ()), "warmup": ("reject", ()), "spin_up": ("suggest", ()), "thermal_lag": ("suggest", ()),
+    }  # fmt: skip
+    assert decisions(sure, other)["warmup"] == ("suggest", ())
+    assert decisions(echo) == {"warmup": ("suggest", ())}
+
+
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
     assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
@@ -128,7 +140,8 @@ def test_what_another_effect_explains_better_is_not_named_for_its_evidence() -> 
     square = candidate("centripetal", "suggest", 6.0, gain=74.0)
     for gain, decision in ((91.0, "suggest"), (77.0, "add")):
         told = decisions(square, candidate("scale_asymmetry", "suggest", -3.0, gain=gain))
-        assert told == {"centripetal": (decision, ()), "scale_asymmetry": ("suggest", ())}
+        beside = "reject" if decision == "add" else "suggest"  # improbable beside a sure name
+        assert told == {"centripetal": (decision, ()), "scale_asymmetry": (beside, ())}
     assert decisions(square, candidate("drift", "suggest", -3.0, gain=91.0, axis="x"))["centripetal"] == ("add", ())
 
 

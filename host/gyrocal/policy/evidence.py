@@ -32,6 +32,12 @@ class Evidence:
         larger="true names are only suggested", smaller="wrong names are kept (the figures are those of supporting_log_odds)",
         chosen_by="gyrocal benchmark edge, the calibration and the work part, and eighty sessions of gyrocal benchmark blind",
     )  # fmt: skip
+    least_hint: float = threshold(
+        0.1, "probability of an effect beside a sure name on its axis, below which it is not suggested",
+        larger="a second effect on an axis is not suggested",
+        smaller="effects are suggested that share the shape of the one that is named: of 82 with less none was true",
+        chosen_by="gyrocal benchmark edge, 175 sessions of the frozen part, and 87 sessions of others",
+    )  # fmt: skip
     leading_log_odds: float = threshold(
         -0.85, "log odds (a probability of 0.3) from which on an effect of the likeliest set is looked at more closely: its "
         "nonlinear parameter is refined and its checks are made",

@@ -133,7 +133,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
     effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
     rivals, none of them has the same shape, and no effect that it is not sure of gains more on held-out data: a shape without
     a name may have supplied what the one lacks. Beside a sure name, every such effect is named that gains beside it, whatever
-    the tests make of it alone.
+    the tests make of it alone, and none is suggested that is improbable.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
 
@@ -172,7 +172,20 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
         beaten = c.decision == "add" and len(c.group) > 1 and any((id_, c.axis) in joined for id_ in c.group)
         return replace(c, decision="suggest", group=()) if beaten else c
 
-    return sorted((joined.get((c.effect.id, c.axis)) or left(c) for c in out), key=best_first)
+    told = [joined.get((c.effect.id, c.axis)) or left(c) for c in out]
+    hints = {(c.effect.id, c.axis) for c in candidates if c.decision == "suggest"}
+    return sorted(_without_echoes(told, hints), key=best_first)
+
+
+def _without_echoes(candidates: Sequence[Candidate], hints: Set[tuple[str, str]]) -> list[Candidate]:
+    """The candidates without ``hints`` of the tests that a sure name of their axis leaves improbable: they resemble it."""
+    named = {c.axis for c in candidates if c.named}
+
+    def echo(c: Candidate) -> bool:
+        improbable = c.probability is not None and c.probability < POLICY.least_hint
+        return c.decision == "suggest" and (c.effect.id, c.axis) in hints and c.axis in named and improbable
+
+    return [replace(c, decision="reject", group=()) if echo(c) else c for c in candidates]
 
 
 def _outdoes(other: Candidate, c: Candidate) -> bool:
