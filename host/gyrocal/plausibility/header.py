@@ -12,8 +12,8 @@ CODES = (
     "unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible", "bias_implausible",
     "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
     "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
-    "no_answer", "reference_jumps", "reference_unrelated", "offset_ambiguous", "hardly_turned", "noise_unknown",
-    "turn_exact", "corrected_already", "beyond_model", "same_readings",
+    "no_answer", "reference_jumps", "reference_shifted", "reference_unrelated", "offset_ambiguous", "hardly_turned",
+    "noise_unknown", "turn_exact", "corrected_already", "beyond_model", "same_readings",
 )  # fmt: skip
 """Codes that ``accept`` may name."""
 

@@ -10,7 +10,7 @@ a fast motion is left as it is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -222,10 +222,17 @@ def _between_starts(values: Array) -> NoiseLevel:
     return NoiseLevel(level**0.5, float(MEDIAN_SPREAD * np.sqrt(2 / freedom / count)))
 
 
-def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> tuple[Array, Array, Array]:
+class Slopes(NamedTuple):
+    """Slopes [n] of an angle, their variance [n], and that of the angle [n] itself."""
+
+    values: Array
+    error: Array
+    of_angle: Array
+
+
+def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> Slopes:
     """Slopes of a noisy angle [n] at times [n], s, with less noise than those of its smoothing spline.
 
-    They come with their variance [n] and that of the angle [n] whose slopes they are.
     ``sd`` is the noise of the angle, and ``slope`` [n] and ``width`` are slope and bandwidth of the spline
     (:func:`gyrocal.recording.timing.best_width`).
     Where lines over windows that grow as in :func:`smoothed` agree with it, theirs is taken. Uneven steps are made even first.
@@ -253,7 +260,7 @@ def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: fl
             widest, of_widest = np.where(growing, line, widest), np.where(growing, variance, of_widest)
             of_its_angle = np.where(growing, sd**2 / size, of_its_angle)
         size = 2 * size - 1
-    return np.interp(t_s, even_s, chosen), np.interp(t_s, even_s, of_chosen), np.interp(t_s, even_s, of_angle)
+    return Slopes(*(np.interp(t_s, even_s, column) for column in (chosen, of_chosen, of_angle)))
 
 
 def _typical(power: Array) -> float:
