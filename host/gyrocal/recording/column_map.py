@@ -8,12 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from gyrocal.errors import InputError, did_you_mean, there_are
+from gyrocal.recording.measured_rates import QUATERNION, REFERENCES
 from gyrocal.recording.run import AXES
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
 TARGETS = (*REQUIRED, *OPTIONAL)
-QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
-REFERENCES = tuple(name for name in OPTIONAL if "ref_" in name)
 STANDARD_GRAVITY = 9.80665
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import QUATERNION, ColumnMap
+from gyrocal.recording.column_map import ColumnMap
+from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.orientation import UNIT_WITHIN
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source

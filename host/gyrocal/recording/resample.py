@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gyrocal.recording.column_map import QUATERNION
+from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.session import Array
 from gyrocal.recording.stamps import typical_step_s
 

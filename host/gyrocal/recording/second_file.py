@@ -10,12 +10,13 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
-from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
+from gyrocal.recording.column_map import ColumnMap, Scaling
 from gyrocal.recording.convert import convert, rate_of
 from gyrocal.recording.first_rows import Taken, first_rows
 from gyrocal.recording.guess import Guess, guess_reference
 from gyrocal.recording.guess_units import typical_rate_dps
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
+from gyrocal.recording.measured_rates import QUATERNION, REFERENCES
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
