@@ -44,6 +44,7 @@ def xyz(stem: str) -> list[str]:
         (columns(["timestamp_us", *xyz("gyro_"), *xyz("acc_")], 3, 9.8, 1e6), ["us", "rad/s", "m/s2"]),
         # no part turns at 50 rad/s and measures it, whatever the accelerometer's unit
         (columns(["timestamp_us", *xyz("gyro_"), *xyz("acc_")], 50, 9.8, 1e6), ["us", "dps", "m/s2"]),
+        (columns(["ustime", *xyz("gyro_"), *xyz("acc_")], 50, 9.8, 1e6), ["us", "dps", "m/s2"]),
         (columns(["Time (ms)", "Gyro X (deg/s)", "Gyro Y (deg/s)", "Gyro Z (deg/s)"], 3, 1, 1e3), ["ms", "dps"]),
         (columns(["t", "w_x [rad/s]", "w_y [rad/s]", "w_z [rad/s]"], 3, 1, 1), ["s", "rad/s"]),
         (columns(["stamp_ns", *xyz("imu.angular_velocity.")], 300, 1, 1e9), ["ns", "dps"]),

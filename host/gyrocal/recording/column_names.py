@@ -41,7 +41,10 @@ UNIT_WORDS = {
 }  # fmt: skip
 """Words in a column's name that state its unit, as :func:`bare_name` writes them."""
 BRACKETS = r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*"
-CAMEL = ((r"(?<![A-Za-z])mG(?![a-z])", "mg"), (r"deg([CFK])\b", r"deg_\1"), (r"(?<=[a-z0-9])(?=[A-Z])", "_"))
+CAMEL = (
+    (r"(?<![A-Za-z])mG(?![a-z])", "mg"), (r"deg([CFK])\b", r"deg_\1"), (r"(?<=[a-z0-9])(?=[A-Z])", "_"),
+    (r"(?<![A-Za-z])([num]s)(?=time)", r"\1_"),
+)  # fmt: skip
 CAMEL_OF_CAPITALS = r"(?<=[A-Z]{2})(?=[A-Z][a-z])"
 OF_A_PART = r"[a-z]{2,4}\d[a-z0-9]{2,}(?:_[a-z])?"
 """A sensor's part number within a column's name, as in ``gyroscope_lsm6ds3_c.x``."""
