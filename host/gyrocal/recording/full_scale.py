@@ -9,6 +9,8 @@ from gyrocal.recording.run import Run
 
 LARGEST_CODE = 32767
 """Largest code of a word of 16 bits, with a sign. Many chips read beyond their nominal range, up to this code."""
+LAST_CODES = 8
+"""Some chips end a few codes before it: a recording of an IMU that was thrown has 16 readings of exactly +-32764."""
 
 
 def whole_steps(full_scale_dps: float, step_dps: float) -> float:
@@ -23,5 +25,5 @@ def at_full_scale(run: Run, axis: int, full_scale_dps: float) -> NDArray[np.bool
 
 
 def at_largest_code(reading_dps: float, lsb_dps: float | None) -> bool:
-    """True if a reading is the first or last code of a word of 16 bits. Readings beyond are of no such word."""
-    return lsb_dps is not None and round(abs(reading_dps) / lsb_dps) in (LARGEST_CODE, LARGEST_CODE + 1)
+    """True if a reading is among the first or last codes of a word of 16 bits. Readings beyond are of no such word."""
+    return lsb_dps is not None and 0 <= LARGEST_CODE + 1 - round(abs(reading_dps) / lsb_dps) <= LAST_CODES
