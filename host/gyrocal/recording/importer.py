@@ -109,7 +109,7 @@ def _existing(out: Path, append: bool) -> Session | None:
 def read_recording(source: str | Path, options: Options, existing: Session | None = None) -> Imported:
     """Read and convert a recording; nothing is written. ``existing``: the session that its runs will be added to."""
     options.scaling.check()
-    path = Path(source)
+    path, given = Path(source), options
     if options.form is not None:
         options = replace(options, maps=[*mapping_of(options.form), *options.maps])
         path = data_file(path)
@@ -152,7 +152,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     )  # fmt: skip
     second = options.second
     if second is not None and not second.later_s and (later_s := later_by_s(session)):
-        found = read_recording(source, replace(options, second=replace(second, later_s=later_s)), existing)
+        found = read_recording(source, replace(given, second=replace(second, later_s=later_s)), existing)
         return replace(found, warnings=(*found.warnings, _shifted(second, later_s)), guessed=(*guessed, *of_reference.guessed))
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
     repaired |= {"resampled": slowed} if slowed else {}
