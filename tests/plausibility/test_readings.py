@@ -231,7 +231,10 @@ def test_a_filter_starts_without_its_lag(lag_s: float, rate_hz: float) -> None:
     assert [w.code for w in check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz)))] == ["first_sample"]
 
 
-@pytest.mark.parametrize(("stated_dps", "end_dps"), [(250.0, 32767 * 0.00875), (None, 32767 * 0.00875), (None, 32764 * 0.00875), (250.0, 250.0)])
+@pytest.mark.parametrize(
+    ("stated_dps", "end_dps"),
+    [(250.0, 32767 * 0.00875), (None, 32767 * 0.00875), (None, 32764 * 0.00875), (250.0, 250.0)],
+)  # fmt: skip
 def test_the_end_of_the_code_is_the_end_of_the_range(stated_dps: float | None, end_dps: float) -> None:
     """A chip of 250 dps reads up to 286.7 dps. The flag said clipped, no warning did, and a bit of the code was blamed."""
     readings = pair(seconds=8.0)
