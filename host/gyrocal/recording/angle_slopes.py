@@ -95,7 +95,7 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     rows = rows[anew]
     measured_s = np.interp(rows - late, np.arange(t_s.size), t_s)
     steps_deg = turned(rows)
-    rates, left_deg, steady, error, of_angle = np.full((5, t_s.size, steps_deg.shape[1]), np.nan)
+    rates, left_deg, steady, error = np.full((4, t_s.size, steps_deg.shape[1]), np.nan)
     steps_s = np.diff(measured_s)
     usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
     jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
@@ -119,16 +119,14 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
         rates[inside] = slopes(t_s[inside], 1)
         for k, sd in enumerate(sds):
-            found = steadier_slope(at_s, angle_deg[:, k], sd, slopes(at_s, 1)[:, k], widths[k])
-            steady[inside, k], error[inside, k], of_angle[inside, k] = (np.interp(t_s[inside], at_s, v) for v in found)
+            pair = steadier_slope(at_s, angle_deg[:, k], sd, slopes(at_s, 1)[:, k], widths[k])
+            steady[inside, k], error[inside, k] = (np.interp(t_s[inside], at_s, values) for values in pair)
         left_deg[rows[piece[inner]]] = (angle_deg - curves)[inner]
     if not sds:
         return AngleSlopes(rates, int(jumped.sum()), left_deg, None)
     inside = np.isfinite(rates).all(axis=1)
-    removed = float(np.max(np.median(np.abs(rates[inside] - steady[inside]), axis=0))) * ROBUST
-    noise = NoiseLevel(max(removed, float(np.max(np.median(error[inside], axis=0))) ** 0.5), STEADIER_SE)
-    of_angle /= float(np.median(np.diff(t_s))) ** 2
-    return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, noise, of_angle))
+    level = np.median(np.abs(rates[inside] - steady[inside]), axis=0) * ROBUST
+    return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, NoiseLevel(float(level.max()), STEADIER_SE)))
 
 
 def _measured_anew(steps_deg: Array) -> tuple[Index, Array]:
