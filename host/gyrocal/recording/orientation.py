@@ -23,6 +23,12 @@ WHOLE, MOST_WHOLE = 0.05, 0.9
 """More of the steps than the second are within the first of a whole number of counts."""
 
 
+def of_one_sign(quaternion: Array) -> Array:
+    """The quaternions [n, 4] with signs that do not jump: q and -q are the same orientation. Rows with NaN keep the sign."""
+    products = np.nansum(quaternion[1:] * quaternion[:-1], axis=1)
+    return quaternion * np.concatenate([[1.0], np.cumprod(np.where(products < 0, -1.0, 1.0))])[:, None]
+
+
 def turned_deg(quaternion: Array, label: str) -> Array:
     """The rotation from each sample to the next in the body's frame, rotation vectors [n - 1, 3], deg.
 

@@ -68,9 +68,7 @@ def registered(session: Session) -> Session:
 
     Raises InputError if the reference fits only at an offset of more than :data:`LATEST_S`.
     """
-    own_clock = session.reference.clock == "own"
-    runs = [r for r in session.runs if r.measured_rates is not None and r.measured_rates.motions]
-    runs = [r for r in runs if r.three_axes] or runs
+    own_clock, runs = session.reference.clock == "own", _with_reference(session)
     if session.registration_fit is not None or not runs or not (own_clock or runs[0].three_axes):
         return session
     search = _Search([_Reading.of(r) for r in _thinned(runs)])
@@ -86,11 +84,14 @@ def later_by_s(session: Session) -> float:
 
     0 where less is, and where no shift makes the reference fit the readings.
     """
+    runs = _with_reference(session) if session.reference.clock == "own" else []
+    return (_Search([_Reading.of(r) for r in _thinned(runs)]).later_by_s() or 0.0) if runs else 0.0
+
+
+def _with_reference(session: Session) -> list[Run]:
+    """The runs with a reference whose motion is known; those with three axes, if there are any."""
     runs = [r for r in session.runs if r.measured_rates is not None and r.measured_rates.motions]
-    if not runs or session.reference.clock != "own":
-        return 0.0
-    search = _Search([_Reading.of(r) for r in _thinned([r for r in runs if r.three_axes] or runs)])
-    return search.later_by_s() or 0.0
+    return [r for r in runs if r.three_axes] or runs
 
 
 def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:

@@ -17,6 +17,7 @@ from gyrocal.recording.guess import Guess, guess_reference
 from gyrocal.recording.guess_units import typical_rate_dps
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.measured_rates import QUATERNION, REFERENCES
+from gyrocal.recording.orientation import of_one_sign
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
@@ -115,9 +116,7 @@ class SecondFile:
 def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
     """Columns at ``known_s``, taken at ``t_s`` on smooth curves. Quaternions turn the shorter way and keep their length."""
     if set(QUATERNION) <= set(columns):
-        q: Array = np.column_stack([columns[name] for name in QUATERNION])
-        dots = np.nansum(q[1:] * q[:-1], axis=1)
-        q *= np.concatenate([[1.0], np.cumprod(np.where(dots < 0, -1.0, 1.0))])[:, None]
+        q = of_one_sign(np.column_stack([columns[name] for name in QUATERNION]))
         columns = columns | dict(zip(QUATERNION, q.T, strict=True))
     step_s = typical_step_s(known_s)
     out = {}

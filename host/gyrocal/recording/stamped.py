@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.recording.orientation import of_one_sign
 from gyrocal.recording.stamps import Array, Stamps, catch_up, goes_back, in_bursts, regression, step_range_s, typical_step_s
 from gyrocal.warning import Warning
 
@@ -35,16 +36,14 @@ ERRORS = 4.0
 def without_jitter(t_s: Array, orientations: Array) -> Array:
     """Times [n], s, by regression on the numbers of the samples if these are the times of measured ``orientations`` [n, 4].
 
-    A small jitter of the stamps does little to the readings, but the slope of an angle that turns fast shows it. Unit
-    quaternions of either sign stand for the same orientation.
+    A small jitter of the stamps does little to the readings, but the slope of an angle that turns fast shows it.
     """
     least_s, largest_s = step_range_s(t_s)
     if largest_s <= (1 + JITTER) * least_s:
         return t_s
     stamps = regression(t_s)
-    same = np.where(np.sum(orientations[1:] * orientations[:-1], axis=1) < 0, -1.0, 1.0)
-    smooth = orientations * np.cumprod(np.concatenate([[1.0], same]))[:, None]
-    return stamps.t_s if stamps.even and right_times(t_s, stamps, smooth, JITTER) == "numbers" else t_s
+    right = right_times(t_s, stamps, of_one_sign(orientations), JITTER) if stamps.even else "stamps"
+    return stamps.t_s if right == "numbers" else t_s
 
 
 def right_times(t_s: Array, stamps: Stamps, readings: Array, uneven: float = UNEVEN) -> str | None:
