@@ -90,6 +90,24 @@ def test_the_steadier_rate_has_the_error_that_it_says() -> None:
         assert abs(np.polyfit(seen[slow], true[slow], 1)[0] - 1) < 0.03  # a spline's slope attenuates it by a tenth and more
 
 
+@pytest.mark.parametrize("samples", [1, 6, 20, 60])
+def test_means_of_slopes_have_the_noise_that_they_say_in_brisk_motion_too(samples: int) -> None:
+    """No line agrees with such a motion, so the spline's slope is the steadiest: its noise is there all the same."""
+    rng, t_s = np.random.default_rng(6), np.arange(12_000) / 100
+    f, phase = np.linspace(0.3, 2.2, 8), rng.uniform(0, 7, 8)
+    angle_deg = 25 * np.sin(2 * np.pi * f * t_s[:, None] + phase).sum(axis=1, keepdims=True)
+    noisy_deg = angle_deg + 0.01 * rng.standard_normal(angle_deg.shape)
+
+    known = np.ones(t_s.size, dtype=bool)
+    found = angle_slopes(t_s, known, lambda rows: np.diff(noisy_deg[rows], axis=0), steadier=True)
+    true_dps = (25 * 2 * np.pi * f * np.cos(2 * np.pi * f * t_s[:, None] + phase)).sum(axis=1)
+    assert found.steadier is not None
+    inside = slice(60, -60)
+    off, said = (found.steadier.values[:, 0] - true_dps)[inside], found.steadier.error_of_means(samples)[inside, 0]
+    means = off[: off.size // samples * samples].reshape(-1, samples).mean(axis=1)
+    assert 0.8 < np.sqrt(np.mean(said)) / np.std(means) < 1.4  # the noise of angles is estimated at the louder frequencies
+
+
 @pytest.mark.slow
 def test_moments_in_which_a_tracker_is_noisy_are_told_and_left_out() -> None:
     session = tracked(3, interpolated=True, burst=8.0)

@@ -140,7 +140,8 @@ class Matrix:
             found, of_one = summed.normal_equations(noise)
             grams[index], logdet[index] = found, of_one
         if self.measured and not as_measured:
-            grams -= self.noise_products / noise.white_sd_dps**2
+            left = self.design.left_white(noise) / noise.white_sd_dps**2
+            grams -= left[:, None, None] * self.noise_products
         for i, j in self._free:
             if grams[i, j, j] > 0:
                 own = grams[i, j].copy()

@@ -293,9 +293,11 @@ class Scales:
 
     def _of_noise(self, state: int, at: Index, sd: Array) -> float:
         """The logarithm of what a set loses because the noise of its measured columns adds to the misfit, with fitted sizes."""
-        power = self.matrix.noise_power[:, at].sum(axis=0) / self.states.noises[state].white_sd_dps ** 2
+        noise = self.states.noises[state]
+        power = self.matrix.noise_power[:, at] / noise.white_sd_dps**2
         if not power.any():
             return 0.0
+        power = self.matrix.design.left_white(noise) @ power
         found = self._expected(state, at, sd)
         chi2 = float(_conditioned(self.states.products[state], at, sd)[0][0, 0])
         without = max(chi2 - float(power @ found**2), LEAST_OF_NOISE * chi2)

@@ -21,6 +21,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks, step_s
 from gyrocal.inference.identified import identified, left_out
 from gyrocal.inference.layout import Layout, assigned
+from gyrocal.inference.measured_columns import part_taken
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.whitening import Noise, Summed
@@ -31,8 +32,6 @@ Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 LEAST_DPS = 1e-9
 """Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
-MOST_NOISE = 0.5
-"""Largest part of what a column has beside the others that is taken out as its noise. Beyond, little or nothing is left."""
 SLOW_S = 4.0
 """Shortest time scale of drift, s. Variations that are faster are left to the tests of whiteness."""
 LEAST_CONTRAST = 0.1
@@ -250,15 +249,15 @@ class Design:
         noise = self._noise_in(fixed)
         least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
         gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros((1, 1)))
-        kept, parts = identified(gram, order, least)
+        kept = identified(gram, order, least)
         self.left_out = left_out(gram, [(self.terms[i], i, j) for i, j in fixed], kept, least)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
         self.column_noise = noise[:, kept]
-        taken = np.minimum(1.0, MOST_NOISE * parts[kept] / np.maximum(self.column_noise[:, :, 0].sum(axis=0), LEAST_DPS**2))
-        self.noise_products = self._noise_products(fixed, len(run), taken)
+        self.noise_products = self._noise_products(fixed, len(run))
         if self.noise_products.any():
+            self._limit(self.noise_products, sum((s.gram.sum(axis=0) for s in summed), np.zeros((1, 1))), 1 + len(fixed))
             summed = [s.less(self.noise_products[index]) for index, s in zip(self.alike, summed, strict=True)]
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
@@ -280,12 +279,22 @@ class Design:
         known = enumerate(zip(self.rate_noises, self.noises, strict=True))
         return [(i, of_rate) for i, (of_rate, of_terms) in known if of_rate is not None or any(n is not None for n in of_terms)]
 
-    def _noise_products(self, fixed: Sequence[tuple[int, int]], further: int, taken: Array) -> Array:
-        """What noise is expected to add to the products of each run, shape [runs, q, q] (Fuller 1987, section 2.2).
+    @staticmethod
+    def _limit(products: Array, gram: Array, q: int) -> None:
+        """Limit what noise adds to the ``products`` [runs, q, q] of ``[y | fixed]`` in place; ``gram`` are those of all runs."""
+        own = slice(1, q)
+        part = part_taken(gram[own, own], products[:, own, own].sum(axis=0))
+        if part is not None:
+            products[:, own, own] = part @ products[:, own, own] @ part.T
+            products[:, 0, own] = products[:, 0, own] @ (part @ part).T
+            products[:, own, 0] = products[:, 0, own]
+
+    def _noise_products(self, fixed: Sequence[tuple[int, int]], further: int) -> Array:
+        """What noise is expected to add to the products of each run, shape [runs, q, q].
 
         The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
         as the column's square has gained. All columns that change with the rate share that noise. The same holds of what
-        ``about`` subtracts. Of each column's noise, the part ``taken`` [p] is taken out.
+        ``about`` subtracts.
         """
         q = 1 + len(fixed)
         out = np.zeros((len(self.blocks), q + further, q + further))
@@ -303,9 +312,6 @@ class Design:
                 products = (rows * of_rate.power) @ rows.T
                 products[0, 0] = 0.0  # the noise of the readings themselves
                 out[i, :q, :q] += products
-        out[:, 0, 1:q] *= taken
-        out[:, 1:q, 0] *= taken
-        out[:, 1:q, 1:q] *= np.sqrt(np.outer(taken, taken))
         return out
 
     def rate_slopes(self, i: int) -> Array:
@@ -434,6 +440,13 @@ class Design:
                 grams[:, i] -= own[:, :, None] * (own / own[:, 1 + j, None])[:, None]
                 logdet[:, i] += np.log(own[:, 1 + j])
         return grams, logdet
+
+    def left_white(self, noise: Noise) -> Array:
+        """The part of a column's white noise that is left in the normal equations of each run, shape [runs]."""
+        out = np.zeros(len(self.blocks))
+        for index, summed in zip(self.alike, self._summed, strict=True):
+            out[index] = summed.left_white(noise)
+        return out
 
     @cached_property
     def _free(self) -> list[tuple[int, int]]:

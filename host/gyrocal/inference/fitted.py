@@ -59,7 +59,7 @@ class AxisFit:
         slope = self.solution.beta + self.design.origin
         for j, (term, _) in enumerate(self.design.layout.fixed):
             slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
-        noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
+        noise_se = self.design.left_white(self.noise) @ self.design.column_noise[:, :, 1] / self.noise.white_sd_dps**2
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     @property

@@ -17,22 +17,21 @@ UNIDENTIFIED = 1e-7
 """A column counts as dependent if less than this fraction of its whitened squared norm is independent of the others."""
 
 
-def identified(gram: Array, order: Sequence[int], least: Array) -> tuple[Mask, Array]:
-    """Mask [p] of the columns that are independent of those kept before them, in the given order, and their independent parts'
-    squared norms [p].
+def identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
+    """Mask [p] of the columns that are independent of those kept before them, in the given order.
 
     ``gram`` is that of ``[y | columns | ...]``. A column whose independent part has a squared norm below ``least`` [p] is also
     left out: a transient that ended before the run, or the noise of a reference at rest.
     """
     keep, own = np.zeros(len(order), dtype=bool), slice(1, 1 + len(order))
     left = np.array(gram[own, own])  # products of what is independent of the columns kept so far
-    norms, parts = np.diagonal(left).copy(), np.zeros(len(order))
+    norms = np.diagonal(left).copy()
     for j in order:
-        parts[j] = rest = left[j, j]
+        rest = left[j, j]
         keep[j] = rest > UNIDENTIFIED * norms[j] and rest > least[j]
         if keep[j]:
             left -= np.outer(left[j], left[j] / rest)
-    return keep, parts
+    return keep
 
 
 def left_out(

@@ -60,7 +60,8 @@ class Summed:
     means of the cells. ``means`` [runs, q, k] holds means over cells of time in which
     drift is taken to be constant, ``t_s`` [k] their mean times in s and ``n`` [k] their numbers of samples. ``blocks`` is the
     number of blocks and ``log_n`` the sum of log n over them, plus twice the logarithm of the determinant of the filter against
-    colour. :meth:`normal_equations` completes the computation.
+    colour. ``owed`` [runs, q, q] are products that columns owe to a white noise of their own (:meth:`less`).
+    :meth:`normal_equations` completes the computation.
     """
 
     gram: Array
@@ -70,6 +71,7 @@ class Summed:
     n: Array
     blocks: int
     log_n: float
+    owed: Array | None = None
 
     @staticmethod
     def of(columns: Iterable[Array], t_s: Array, n: Array, cell_s: float = 0.0, color: Color = WHITE) -> Summed:
@@ -112,11 +114,15 @@ class Summed:
     def of_columns(self, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Summed:
         """The same sums for a selection of the columns."""
         gram, within = (products[:, rows][:, :, rows] for products in (self.gram, self.within))
-        return replace(self, gram=gram, within=within, means=self.means.take(rows, axis=1))
+        owed = None if self.owed is None else self.owed[:, rows][:, :, rows]
+        return replace(self, gram=gram, within=within, means=self.means.take(rows, axis=1), owed=owed)
 
     def less(self, products: Array) -> Summed:
-        """The same sums less ``products`` [runs, q, q], which columns owe to a noise of their own that is white."""
-        return replace(self, gram=self.gram - products, within=self.within - products)
+        """The same sums less ``products`` [runs, q, q], which columns owe to a noise of their own that is white.
+
+        Whitening takes a part of that noise with the drift, and only what is left of it is taken out of the normal equations.
+        """
+        return replace(self, gram=self.gram - products, owed=products if self.owed is None else self.owed + products)
 
     @cached_property
     def _distinct(self) -> tuple[Index, Index]:
@@ -176,6 +182,8 @@ class Summed:
         drift, (rows, differences) = drifts[0], self._rows
         left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows, differences).T, overwrite_b=True)[0].T
         gram = self.within * precision
+        if self.owed is not None:
+            gram -= self.owed * (precision * self._left_white(drift, known))
         gram += precision * (self.n[0] * self._product(rows, left) if self._even else self._product(rows * self.n, left))
         grams = np.repeat(gram[None], len(drifts), axis=0)
         if others:
@@ -183,7 +191,20 @@ class Summed:
             of_growth, of_rate = self._slopes(drift, left)
             for one, gram in zip(drifts[1:], grams[1:], strict=True):
                 gram += np.log(one.growth / drift.growth) * of_growth + np.log(one.rate / drift.rate) * of_rate
+                if self.owed is not None:
+                    gram -= self.owed * (precision * (self._left_white(one, known) - self._left_white(drift, known)))
         return grams, np.array([of_white + one.logdet for one in drifts])
+
+    def left_white(self, noise: Noise) -> float:
+        """The part of the power of white noise in a column that :meth:`normal_equations` leaves, beside that without drift."""
+        if noise.ou_sd_dps <= 0.0:
+            return 1.0
+        known = self.n / noise.white_sd_dps**2
+        return self._left_white(_Drift.of(noise, self._apart_s, known), known)
+
+    def _left_white(self, drift: _Drift, known: Array) -> float:
+        """``1 - trace((Q + N)^-1 N) / blocks``: the trace of V^-1 beside that of D^-1, for blocks of equal length."""
+        return 1.0 - float(known @ drift.uncertain) / self.blocks
 
     def _slopes(self, drift: _Drift, rows: Array) -> tuple[Array, Array]:
         """Derivatives [runs, q, q] of the normal equations by the logarithms of the drift's growth and rate.
@@ -219,7 +240,7 @@ def _stacked(columns: Iterable[Array]) -> Iterator[Array]:
 class _Drift:
     """The drift over k cells: its growth (dps^2/s) and rate (1/s), and the factors of ``Q + N``.
 
-    ``ages`` [k - 1] are the times between cells in correlation times, ``kept`` and ``forgotten`` [k - 1] the parts of the drift
+    ``diagonal`` [k] is that of ``Q + N``. ``ages`` [k - 1] are the times between cells in correlation times, ``kept`` and ``forgotten`` [k - 1] the parts of the drift
     that remain and that go over them, and ``driven`` [k] the variances that are added, the first of which is stationary.
     ``logdet`` is the drift's part of the log-determinant.
     """
@@ -231,6 +252,7 @@ class _Drift:
     kept: Array
     forgotten: Array
     driven: Array
+    diagonal: Array
     pivots: Array
     factors: Array
     logdet: float
@@ -255,7 +277,20 @@ class _Drift:
         pivots, factors, _ = dpttrf(diagonal, coupling)
         logdet = float(np.log(driven * pivots).sum())
         growth, rate = variance / noise.ou_tau_s, 1 / noise.ou_tau_s
-        return _Drift(growth, rate, variance, ages, kept, -np.expm1(-ages), driven, pivots, factors, logdet)
+        return _Drift(growth, rate, variance, ages, kept, -np.expm1(-ages), driven, diagonal, pivots, factors, logdet)
+
+    @cached_property
+    def uncertain(self) -> Array:
+        """The diagonal [k] of ``(Q + N)^-1``: the variance of the drift at each cell beside the readings, dps^2.
+
+        Of a tridiagonal matrix it is ``1 / (p + r - d)`` with the pivots p from the first row on, r from the last row on, and the
+        diagonal d (Meurant, SIAM J. Matrix Anal. 13 (1992) 707).
+        """
+        from scipy.linalg.lapack import dpttrf
+
+        coupling = self.pivots[:-1] * self.factors if self.diagonal.size > 1 else np.zeros(1)
+        backward = dpttrf(self.diagonal[::-1].copy(), coupling[::-1].copy())[0][::-1]
+        return np.asarray(1 / (self.pivots + backward - self.diagonal))
 
     def steps(self, rows: Array, differences: Array) -> Array:
         """What rows of values at cells [r, k] are beside what is kept of the cell before, [r, k].

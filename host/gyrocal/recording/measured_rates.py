@@ -94,8 +94,10 @@ class MeasuredRates:
             return None
         row, known = registration.matrix[axis], self.known
         at_s = registration.moment_s(self.t_s)
-        values, error = self.steadier.values[known] @ row, self.steadier.error[known] @ row**2
-        return Smoothed(values, error, self.steadier.noise).at(at_s, self.t_s[known])
+        steadier = self.steadier
+        of_angle = None if steadier.of_angle is None else steadier.of_angle[known] @ row**2
+        values, error = steadier.values[known] @ row, steadier.error[known] @ row**2
+        return Smoothed(values, error, steadier.noise, of_angle).at(at_s, self.t_s[known])
 
     def slope_about(self, axis: int, registration: Registration) -> Array:
         """The rate's slope at the moment that each sample shows, [n], deg/s^2: minus its derivative by the offset."""

@@ -10,7 +10,7 @@ a fast motion is left as it is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,9 +38,10 @@ TURNS_BACK = 0.25
 """Fraction of a thermometer's steps that undo the step before, above which noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
-SLOPE_OF_SPLINE = 0.174
-"""Variance of the slope of a spline that smooths twice, for a width of one step: ``1 / pi`` times the integral of
-``(w H(w))^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of the frequency w / width."""
+SLOPE_OF_SPLINE, VALUE_OF_SPLINE = 0.174, 0.345
+"""Variances of the slope and of the value of a spline that smooths twice, for a width of one step: ``1 / pi`` times the
+integral of ``(w H(w))^2`` and of ``H(w)^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of
+the frequency w / width."""
 LONGEST_LINE_S = 1.0
 DIRECT = 129
 """Values of a window up to which a direct convolution is faster than a Fourier transform."""
@@ -75,15 +76,25 @@ class NoiseLevel:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A column without its noise: ``values`` [n], the variance ``error`` [n] that is left in each, and the noise removed."""
+    """A column without its noise: ``values`` [n], the variance ``error`` [n] that is left in each, and the noise removed.
+
+    Of the slopes of an angle, ``of_angle`` [n] is the variance that is left in the angle, in the slope's unit times a sample.
+    """
 
     values: Array
     error: Array
     noise: NoiseLevel
+    of_angle: Array | None = None
 
     def error_of_means(self, samples: float) -> Array:
-        """The variance [n] that the noise leaves in a mean over ``samples`` values about each value."""
-        return np.minimum(self.error, self.noise.sd**2 / samples)
+        """The variance [n] that the noise leaves in a mean over ``samples`` values about each value.
+
+        The mean of many slopes has the noise of two angles, and that of few has the noise of a slope.
+        """
+        if self.of_angle is None:
+            return np.minimum(self.error, self.noise.sd**2 / samples)
+        both = 2 * self.of_angle
+        return both * self.error / np.maximum(both + samples**2 * self.error, np.finfo(np.float64).tiny)
 
     def at_rest(self) -> Smoothed:
         """The same column, zero for ``AT_REST`` or more successive values that do not differ from zero by more than noise."""
@@ -95,7 +106,12 @@ class Smoothed:
 
     def at(self, t_s: Array, known_s: Array) -> Smoothed:
         """The column at the times ``t_s`` [m], by interpolation between the times ``known_s`` [n] that have a reading."""
-        return Smoothed(np.interp(t_s, known_s, self.values), np.interp(t_s, known_s, self.error), self.noise)
+        values, error, of_angle = (
+            None if column is None else np.interp(t_s, known_s, column) for column in (self.values, self.error, self.of_angle)
+        )
+        assert values is not None
+        assert error is not None
+        return Smoothed(values, error, self.noise, of_angle)
 
 
 def smoothed(values: Array, stated_sd: float | None = None, same: Array | None = None) -> Smoothed:
@@ -206,8 +222,16 @@ def _between_starts(values: Array) -> NoiseLevel:
     return NoiseLevel(level**0.5, float(MEDIAN_SPREAD * np.sqrt(2 / freedom / count)))
 
 
-def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> tuple[Array, Array]:
-    """Slopes of a noisy angle [n] at times [n], s, with less noise than those of its smoothing spline, and their variance, [n].
+class Slopes(NamedTuple):
+    """Slopes [n] of an angle, their variance [n], and that of the angle [n] itself."""
+
+    values: Array
+    error: Array
+    of_angle: Array
+
+
+def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> Slopes:
+    """Slopes of a noisy angle [n] at times [n], s, with less noise than those of its smoothing spline.
 
     ``sd`` is the noise of the angle, and ``slope`` [n] and ``width`` are slope and bandwidth of the spline
     (:func:`gyrocal.recording.timing.best_width`).
@@ -217,7 +241,8 @@ def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: fl
     step_s = float(even_s[1] - even_s[0])
     x, chosen = np.interp(even_s, t_s, values), np.interp(even_s, t_s, slope)
     of_chosen = np.full(x.size, SLOPE_OF_SPLINE * (sd / step_s) ** 2 / max(width, 1.0) ** 3)
-    widest, of_widest = chosen, of_chosen
+    of_angle = np.full(x.size, VALUE_OF_SPLINE * sd**2 / max(width, 1.0))
+    widest, of_widest, of_its_angle = chosen, of_chosen, of_angle
     low, high = chosen - AGREE * of_chosen**0.5, chosen + AGREE * of_chosen**0.5
     growing, size = np.full(x.size, sd > 0), 3
     while growing.any() and size <= min(x.size, round(LONGEST_LINE_S / step_s)):
@@ -231,9 +256,11 @@ def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: fl
             low, high = np.fmax(low, line - AGREE * variance**0.5), np.fmin(high, line + AGREE * variance**0.5)
             growing &= (low <= high) & np.isfinite(line)
             chosen, of_chosen = np.where(growing, widest, chosen), np.where(growing, of_widest, of_chosen)
+            of_angle = np.where(growing, of_its_angle, of_angle)
             widest, of_widest = np.where(growing, line, widest), np.where(growing, variance, of_widest)
+            of_its_angle = np.where(growing, sd**2 / size, of_its_angle)
         size = 2 * size - 1
-    return np.interp(t_s, even_s, chosen), np.interp(t_s, even_s, of_chosen)
+    return Slopes(*(np.interp(t_s, even_s, column) for column in (chosen, of_chosen, of_angle)))
 
 
 def _typical(power: Array) -> float:

@@ -253,7 +253,7 @@ def _gain_noise(fitted: AxisFit) -> float:
     """Standard deviation of the log-likelihood over the noise of the candidate's columns: of that noise times the readings'."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.fixed) if i == mine]
-    power = fitted.solution.beta[own] ** 2 @ fitted.design.column_noise[:, own, 0].sum(axis=0)
+    power = fitted.design.left_white(fitted.noise) @ fitted.design.column_noise[:, own, 0] @ fitted.solution.beta[own] ** 2
     return float(np.sqrt(max(power, 0.0)) / fitted.noise.white_sd_dps)
 
 
