@@ -11,7 +11,7 @@ import numpy as np
 from gyrocal.policy import POLICY
 from gyrocal.recording.orientation import count_deg, jumps
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, steadier_slope
-from gyrocal.recording.timing import best_width, noise_sd, smooth_by
+from gyrocal.recording.timing import FAITHFUL_TIMES, faithful_width, noise_sd, smooth_by
 from gyrocal.tails import ROBUST
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -20,12 +20,10 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 
 TRIMMED = 5
 """Samples at each end of a stretch of angles whose slope is not relied on, at the least."""
-STRAIGHT = 2.0
-"""Nearer than this to an end, in widths of the spline, the spline becomes straight and its slope has twice the noise."""
-NARROWER = 0.7
-"""Of the spline's best width, for the rates: where the angle's error is least, the motion that is lost is a quarter of the noise
-that is left, and it is the same for the same motion. It falls with the eighth power of the width, here to a seventeenth, while
-the noise of a mean rises to 1.2."""
+STRAIGHT = 10.0
+"""Nearer than this to an end, in widths of the spline, the spline is too straight: its second derivative is zero at the end."""
+LONGEST_END = 0.05
+"""Part of a stretch at each end whose slope is not relied on, at the most. Where stretches are short, the spline is narrower."""
 GAP_STEPS = 3.5
 """An angle that is missing for more of its usual steps than this gives no rate in between."""
 SEGMENT, LEAST_SEGMENT = 256, 64
@@ -109,24 +107,23 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     angles_deg = [np.cumsum(np.vstack([np.zeros_like(steps_deg[:1]), steps_deg[p[:-1]]]), axis=0) for p in pieces]
     noises_deg = [[angle_noise_deg(t, a) for a in angle.T] for t, angle in zip(times_s, angles_deg, strict=True)]
     widths = _typical(times_s, [
-        [best_width(t, a, sd, twice=True) for a, sd in zip(angle.T, of_piece, strict=True)]
+        [faithful_width(t, a, sd) for a, sd in zip(angle.T, of_piece, strict=True)]
         for t, angle, of_piece in zip(times_s, angles_deg, noises_deg, strict=True)
     ])  # fmt: skip
+    widest = LONGEST_END / STRAIGHT * _typical(times_s, [[p.size] for p in pieces])[0] if pieces else 0.0
+    widths = [min(width, widest) for width in widths]
     sds = _typical(times_s, noises_deg) if steadier else []
     trimmed = max([TRIMMED, *(int(np.ceil(STRAIGHT * width)) for width in widths)])
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         if piece.size <= 2 * trimmed:
             continue
-        curves, best = (
-            np.column_stack([smooth_by(at_s, a, part * width) for a, width in zip(angle_deg.T, widths, strict=True)])
-            for part in (NARROWER, 1.0)
-        )
-        slopes, smoother = CubicSpline(at_s, curves), CubicSpline(at_s, best)(at_s, 1)
+        curves = np.column_stack([smooth_by(at_s, a, width, FAITHFUL_TIMES) for a, width in zip(angle_deg.T, widths, strict=True)])
+        slopes = CubicSpline(at_s, curves)
         inner = slice(trimmed, piece.size - trimmed)
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
         rates[inside] = slopes(t_s[inside], 1)
         for k, sd in enumerate(sds):
-            found = steadier_slope(at_s, angle_deg[:, k], sd, smoother[:, k], widths[k])
+            found = steadier_slope(at_s, angle_deg[:, k], sd, slopes(at_s, 1)[:, k], widths[k])
             steady[inside, k], error[inside, k], of_angle[inside, k] = (np.interp(t_s[inside], at_s, v) for v in found)
         left_deg[rows[piece[inner]]] = (angle_deg - curves)[inner]
     if not sds:

@@ -38,9 +38,9 @@ TURNS_BACK = 0.25
 """Fraction of a thermometer's steps that undo the step before, above which noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
-SLOPE_OF_SPLINE, VALUE_OF_SPLINE = 0.174, 0.345
-"""Variances of the slope and of the value of a spline that smooths twice, for a width of one step: ``1 / pi`` times the
-integral of ``(w H(w))^2`` and of ``H(w)^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of
+SLOPE_OF_SPLINE, VALUE_OF_SPLINE = 0.249, 0.393
+"""Variances of the slope and of the value of a spline that smooths three times, for a width of one step: ``1 / pi`` times the
+integral of ``(w H(w))^2`` and of ``H(w)^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^3`` of a motion of
 the frequency w / width."""
 LONGEST_LINE_S = 1.0
 DIRECT = 129
@@ -234,7 +234,7 @@ def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: fl
     """Slopes of a noisy angle [n] at times [n], s, with less noise than those of its smoothing spline.
 
     ``sd`` is the noise of the angle, and ``slope`` [n] and ``width`` are slope and bandwidth of the spline
-    (:func:`gyrocal.recording.timing.best_width`).
+    (:func:`gyrocal.recording.timing.faithful_width`).
     Where lines over windows that grow as in :func:`smoothed` agree with it, theirs is taken. Uneven steps are made even first.
     """
     even_s = np.linspace(t_s[0], t_s[-1], t_s.size)

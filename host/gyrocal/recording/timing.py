@@ -23,6 +23,12 @@ NEGLIGIBLE_NOISE = 2e-3
 """Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
 LARGEST_LOSS = 0.3
 """Largest loss of a twice-smoothed motion, as a fraction of the error that the reference's noise gives a scale."""
+FAITHFUL_TIMES = 3
+"""So often the smoothing spline of a measured angle smooths."""
+FAITHFUL_WIDTHS = 2.0 ** np.arange(-1.0, 4.01, 0.125)
+"""Its widths, in steps."""
+BEYOND_NOISE = 3.0
+"""Power at one frequency over that of noise, beyond the largest that chance gives in a spectrum, which is motion."""
 KEPT_FILTERS = 4
 STEP = 0.01
 """Relative step of the numerical derivative by the filter's time constant."""
@@ -166,16 +172,45 @@ def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
     return smooth_by(t_s, values, best_width(t_s, values, noise_sd(t_s, values), twice))
 
 
-def smooth_by(t_s: Array, values: Array, width: float) -> Array:
+def smooth_by(t_s: Array, values: Array, width: float, times: int = 2) -> Array:
     """A reference [n] at times [n], s, smoothed by a spline of a width in mean steps; of width 0, it is left as it is.
 
     A spline of the width h takes the part ``(2 pi f h)^4`` from a motion of the frequency f, which is as much as the scale of a
-    good sensor is off. The residual is smoothed too and added (Tukey's twicing), so only the square of that part is lost.
+    good sensor is off. The residual is smoothed too and added (Tukey's twicing), so only the square of that part is lost; with
+    three ``times``, only its third power.
     """
     if width == 0:
         return values
-    once = _spline_of(t_s, values, width)
-    return np.asarray(once + _spline_of(t_s, values - once, width))
+    out = np.zeros_like(values)
+    for _ in range(times):
+        out = out + _spline_of(t_s, values - out, width)
+    return out
+
+
+def faithful_width(t_s: Array, values: Array, sd: float) -> float:
+    """The width, in mean steps, of the widest spline that takes nothing from the motion, if it smooths ``FAITHFUL_TIMES``.
+
+    ``values`` [n] are a motion at times [n], s, with the noise ``sd``. What is lost of the motion, its sum of squares, is less
+    than the variance of one value's noise: no estimate from these values is then off by more than one of its standard errors.
+    The width with the least error of a value loses many times that, as it holds the loss against the noise of all values.
+    """
+    n = values.size
+    if sd <= NEGLIGIBLE_NOISE * float(np.std(np.diff(values))):
+        return 0.0
+    even_s = np.linspace(t_s[0], t_s[-1], n)
+    motion = np.interp(even_s, t_s, values)
+    motion -= np.linspace(motion[0], motion[-1], n)
+    window = np.hanning(n)
+    power = np.abs(np.fft.rfft(motion * window))[1:] ** 2 / float(window @ window) / sd**2
+    turn = 2 * np.pi * np.fft.rfftfreq(n)[1:]
+    seen = power > np.log(n) + BEYOND_NOISE
+    best = 0.0
+    for width in FAITHFUL_WIDTHS:
+        fast = (width * turn[seen]) ** 4
+        if 2 * float(((fast / (1 + fast)) ** (2 * FAITHFUL_TIMES) * power[seen]).sum()) > 1.0:
+            break
+        best = float(width)
+    return best
 
 
 def best_width(t_s: Array, values: Array, sd: float, twice: bool = False) -> float:
