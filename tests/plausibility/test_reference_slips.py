@@ -136,3 +136,26 @@ def test_beside_a_reference_that_its_own_axis_contradicts_the_other_axes_have_no
     names = [[(c.effect.id, c.axis) for c in diagnose(session(part)).candidates if c.decision == "add"] for part in (1.0, 0.4)]
     assert names[0] == [("misalignment", "y")]
     assert names[1] == []
+
+
+@pytest.mark.parametrize("dead", [True, False])
+def test_an_axis_that_shows_nothing_of_the_reference_is_unrelated_and_its_scale_is_not_judged(dead: bool) -> None:
+    """The sensor turns about z alone and the orientations wander about y; or y turns, and its readings are noise."""
+    turned, wandering = motion((0.02, 0.01, 1.0)), motion((0.01, 0.3, 0.0))[::-1]
+    session = tracked(turned, turned + wandering)
+    if dead:
+        full = motion((1.0, 1.0, 1.0))
+        session = tracked(full * [1.0, 0.0, 1.0], full)
+    found = {(w.code, w.axis): w for w in check(session) if w.blocking}
+    assert found.keys() == {("reference_unrelated", "y")}
+    assert "show nothing of what the reference says" in found["reference_unrelated", "y"].text
+
+
+def test_a_sensor_at_rest_beside_noisy_orientations_has_no_scale_and_no_offset() -> None:
+    rng = np.random.default_rng(8)
+    noisy = Rotation.from_rotvec(np.deg2rad(rng.normal(0, 0.1, (T_S.size, 3)))).as_quat()
+    columns = dict(zip(("ref_qx", "ref_qy", "ref_qz", "ref_qw"), noisy.T, strict=True))
+    own = Reference(clock="own")
+    run = replace(make_run(T_S, rng.normal(0, 0.3, (T_S.size, 3)), table_rate_dps=None, **columns), reference=own)
+    codes = {w.code for w in check(make_session(run, reference=own))}
+    assert not codes & {"scale_implausible", "offset_ambiguous", "axes_swapped", "unit_rad_s"}

@@ -64,7 +64,7 @@ def check(session: Session) -> list[Warning]:
             "sign, or two are exchanged. Negate or exchange columns when importing, so that both frames are right-handed"
         )
         out.append(Warning("sign_flipped", None, None, text, True))
-    if fit.alternatives_s:
+    if fit.alternatives_s and fit.left <= POLICY.unrelated_part:
         offset_s = fit.registration.offset_s
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)
         text = (
@@ -85,14 +85,14 @@ def _hardly_turned(session: Session) -> list[Warning]:
     out = []
     for i, axis in enumerate(AXES):
         beside = np.delete(centred, i, axis=1)
-        own_dps = float(np.sqrt(np.mean(centred[:, i] ** 2)))
         alone = centred[:, i] - beside @ np.linalg.lstsq(beside, centred[:, i], rcond=None)[0]
         error = POLICY.leak * float(np.sqrt(np.sum(beside**2) / max(float(alone @ alone), 1e-300)))
         if error < POLICY.hardly_turned or not beside.any():
             continue
-        others_dps = float(np.sqrt(np.sum(beside**2) / len(beside)))
+        own_dps, others_dps = (float(np.sqrt(np.sum(part**2) / len(beside))) for part in (alone, beside))
         text = (
-            f"the sensor hardly turns about {axis} ({own_dps:.2g} dps rms, {others_dps:.3g} about the other axes). If the "
+            f"the sensor hardly turns about {axis} ({own_dps:.2g} dps rms beside its turns about the other axes, of "
+            f"{others_dps:.3g}). If the "
             f"reference's axes bend against the sensor's by {np.rad2deg(POLICY.leak):.1g} deg while it turns, the scale of "
             f"{axis} is wrong by {min(error, 1.0):.0%}, which its standard error does not contain. Turn the sensor about "
             f"{axis} too, or do not use this scale"
@@ -142,9 +142,8 @@ def _lost(found: Lost) -> Warning:
         "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
     )
     left = (
-        f"The tracker seems to have lost the sensor. These samples, {percentage(found.part, 1)} of the run, are left out. "
-        "Check markers "
-        "and tracking"
+        f"The tracker has lost the sensor, or the sensor has failed. These samples, {percentage(found.part, 1)} of the run, are "
+        "left out. Look at both there; check markers and tracking"
     )
     text = (
         f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {_stretches(found.starts_s)}, and "

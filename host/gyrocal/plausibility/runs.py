@@ -33,6 +33,8 @@ class Mean:
     offset_dps: float = 0.0
     omega_rad_s: float = 0.0
     """Root mean square angular frequency of the true rate, rad/s; 0 if the rate does not vary."""
+    explained: float = 1.0
+    """The part of the readings' power that the slope explains, beside the true rates about other axes."""
 
     @property
     def rests(self) -> bool:
@@ -81,7 +83,7 @@ def _mean(run: Run, axis: int) -> Mean:
         slow = [_block_means(values, samples) for values in (y, rate, *others)]
         beside = np.array(slow[2:]).reshape(len(others), slow[0].size)
         line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5, _size(run)), _omega_rad_s(run)
-        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s)
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s, line.explained)
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
@@ -99,11 +101,12 @@ def _follows(y: Array, rate: Array) -> bool:
 
 
 class _Regression(NamedTuple):
-    """A straight line of readings over the true rate; the offset is in deg/s."""
+    """A straight line of readings over the true rate; the offset is in deg/s. ``explained`` is a part of the readings' power."""
 
     slope: float
     slope_se: float
     offset_dps: float
+    explained: float
 
 
 def _others_dps(run: Run) -> Array:
@@ -160,7 +163,9 @@ def _regression(y: Array, rate: Array, others: Array, noise_dps: float, size: fl
     flattened = min(noise_dps**2 * y.size / float(about @ about), 1.0)
     leaked = POLICY.leak * float(np.sqrt(np.sum(beside**2) / (about @ about)))
     se = float(np.linalg.norm([_clustered_se(about, left), size * flattened, size * leaked]))
-    return _Regression(slope, se, float(y.mean() - slope * rate.mean()))
+    shown = slope**2 * float(about @ about)
+    explained = shown / max(shown + float(left @ left), 1e-300)
+    return _Regression(slope, se, float(y.mean() - slope * rate.mean()), explained)
 
 
 def _clustered_se(x: Array, residual: Array) -> float:

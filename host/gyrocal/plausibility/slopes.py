@@ -35,6 +35,14 @@ class Slope:
     raw: float
     omega_rad_s: float = 0.0
     """Root mean square angular frequency of the true rate, rad/s; 0 if the rate does not vary."""
+    explained: float = 1.0
+    """The part of the readings' power that the slope explains."""
+
+    @property
+    def unrelated(self) -> bool:
+        """True if the readings show nothing of what a reference with three axes says of this axis."""
+        alike = self.explained >= 1 - POLICY.unrelated_part
+        return self.run.three_axes and not alike and abs(self.value) < POLICY.follows_not
 
     @property
     def informs(self) -> bool:
@@ -81,7 +89,10 @@ def _line(points: list[Mean]) -> Line:
         scatter = max(scatter, POLICY.turn_on_dps * min(1.0, abs(slope)))
     unknown = POLICY.unknown_bias_dps if bias is None else 0.0
     own = _of_cycles(steady, bias or 0.0, slope)
-    found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope), m.omega_rad_s) for m in swings if m.slope is not None]
+    found = [
+        Slope(m.run, float(m.slope), m.slope_se, float(m.slope), m.omega_rad_s, m.explained)
+        for m in swings if m.slope is not None
+    ]  # fmt: skip
     for m in steady:
         if not m.rests:
             error = float(np.hypot(np.hypot(m.se_dps, scatter), unknown)) / abs(m.rate_dps)
@@ -161,6 +172,8 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     def where(fits: Callable[[Slope], bool]) -> list[Slope]:
         return [s for s in informed if fits(s)]
 
+    if all(s.unrelated for s in informed):
+        return [_unrelated(axis, informed[0].run)]
     small = where(lambda s: _is_in_rad(s) and not any(_follows(found[axis, a], s.run) for a in AXES if a != axis))
     if small:
         return _told(means, "unit_rad_s", axis, small, informed, _rad_readings)
@@ -212,6 +225,18 @@ def _behind_a_filter(slopes: list[Slope], errors: float) -> bool:
     expected = (start + growth * squares) ** -0.5
     allowed = np.maximum(POLICY.rate_off * expected, errors * np.array([s.se for s in slopes]))
     return bool(np.all(np.abs(values - expected) < allowed))
+
+
+def _unrelated(axis: str, run: Run) -> Warning:
+    about, known = run.about(axis), run.reached
+    reading_dps, true_dps = float(np.std(run.gyro_dps[known, AXES.index(axis)])), float(np.std(about.rate_dps[known]))
+    text = (
+        f"the readings about {axis} ({reading_dps:.2g} dps rms) show nothing of what the reference says of this axis "
+        f"({true_dps:.2g} dps rms): either {axis} does not work, or the orientations are wrong about it. If the sensor lay "
+        "still, import it without the reference (--rate 0); if it turned about the other axes alone, accept this warning and use "
+        "their answers"
+    )
+    return Warning("reference_unrelated", axis, None, text, True)
 
 
 def _scale(middle: float, axis: str, run: Run) -> Warning:
