@@ -125,7 +125,7 @@ def calibrate(
     warning concerns is not trusted.
     Raises InputError if there is no answer at all.
     """
-    session = registered(session)
+    session = _with_frame(session, model)
     paired = any(pairs(runs) for _, runs in session.by_scenario())
     if methods is None:
         suits = not lacking("net") and network_suits(session)
@@ -157,6 +157,19 @@ def calibrate(
     if not found:
         raise InputError(f"{session.path or 'the session'}: {_why_nothing(task, spans, methods)}")
     return found
+
+
+def _with_frame(session: Session, model: Model | str | Path | None) -> Session:
+    """The session with the frame and clock of its reference as the model's fit has them, which ``compare`` tells too.
+
+    A turn of the frame by one degree gives an axis about which the sensor hardly turns another scale.
+    """
+    session = registered(session)
+    if session.registration_fit is None:
+        return session
+    from gyrocal.inference.registering import refined
+
+    return refined(session, Model.open(model))
 
 
 def unanswered(session: Session, found: Sequence[Estimate], seconds: Sequence[float | None] | None = None) -> list[Warning]:
