@@ -83,8 +83,8 @@ def test_the_steadier_rate_has_the_error_that_it_says() -> None:
     for k, axis in enumerate("xyz"):
         found = run.about(axis).smooth_rate
         assert found is not None
-        true, seen, error = (x[20:-20] for x in (rates[::6][: len(run), k], found.values, found.error))
-        slow = strength(run.t_s[20:-20]) < 0.2
+        true, seen, error = (x[run.reached] for x in (rates[::6][: len(run), k], found.values, found.error))
+        slow = strength(run.t_s[run.reached]) < 0.2
         for part in (slow, ~slow):  # the motion bends within the windows, by about as much as the noise
             assert 0.7 < np.sqrt(np.mean((seen - true)[part] ** 2) / np.mean(error[part])) < 2
         assert abs(np.polyfit(seen[slow], true[slow], 1)[0] - 1) < 0.03  # a spline's slope attenuates it by a tenth and more

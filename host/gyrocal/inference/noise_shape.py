@@ -29,6 +29,8 @@ WINDOWS = 4
 BANDS = 8
 LEAST_IN_BAND = 12
 """Bands, each with so many values of the periodogram at the least, whose medians are compared. A median ignores lines."""
+OF_ENDS = 1.0
+"""Angle per block, rad, below which the noise of an angle at the ends of blocks rises, whatever smooths the angle."""
 
 
 def shaped(current: AxisFit) -> AxisFit:
@@ -150,14 +152,18 @@ def _without_lines(current: AxisFit) -> tuple[Array, Array]:
 def _with_noise_of_angle(current: AxisFit) -> AxisFit:
     """The fit with the likeliest noise of the angle at the ends of the blocks.
 
-    The search begins where the residuals' variance and the covariance of neighbours put it.
+    The search begins where the residuals' spectrum puts it: the noise of an angle rises with the square of the frequency, and
+    white noise is what is left at the lowest. A smooth curve through the angles takes of the highest.
     """
     from scipy.optimize import minimize_scalar
 
-    residuals = [current.block_residuals(i) for i, b in enumerate(current.design.blocks) if b.t_s.size > 2]
-    pairs = np.concatenate([r[1:] * r[:-1] for r in residuals])
-    power, shared = float(np.mean(np.concatenate(residuals) ** 2)), -float(np.mean(pairs))
-    start = np.log(np.clip(shared / max(power - 2 * shared, 1e-3 * power), 1e-3, 1e6)) if shared > 0 else np.log(1e-3)
+    angle, power = _periodogram(current, lowest_hz=0.0)
+    order = np.argsort(angle)[: np.count_nonzero(angle < OF_ENDS)]
+    if order.size < LEAST_IN_BAND:
+        return current
+    rising, low = np.array_split(order, 2)[1], order[: max(LEAST_IN_BAND // 2, order.size // 16)]
+    of_angle, white = np.median(power[rising] / (2 - 2 * np.cos(angle[rising]))), np.median(power[low])
+    start = float(np.log(np.clip(of_angle / max(white, 1e-300), 1e-3, 1e6)))
     fits: dict[float, AxisFit] = {}
 
     def cost(x: float) -> float:

@@ -25,10 +25,11 @@ LARGEST_LOSS = 0.3
 """Largest loss of a twice-smoothed motion, as a fraction of the error that the reference's noise gives a scale."""
 FAITHFUL_TIMES = 3
 """So often the smoothing spline of a measured angle smooths."""
-FAITHFUL_WIDTHS = 2.0 ** np.arange(-1.0, 4.01, 0.125)
-"""Its widths, in steps."""
-BEYOND_NOISE = 3.0
-"""Power at one frequency over that of noise, beyond the largest that chance gives in a spectrum, which is motion."""
+FAITHFUL_WIDTHS = 2.0 ** np.arange(0.0, 4.01, 0.125)
+"""Its widths, in steps. The first takes nothing below a fifteenth of the rate at which the angle is measured."""
+ALIKE, OF_MOTION = 5, 8.0
+"""Neighbouring frequencies over which the mean power is motion, and its least ratio to noise. Beats of a coarse encoder's steps
+with the sampling are narrower or weaker."""
 KEPT_FILTERS = 4
 STEP = 0.01
 """Relative step of the numerical derivative by the filter's time constant."""
@@ -203,9 +204,9 @@ def faithful_width(t_s: Array, values: Array, sd: float) -> float:
     window = np.hanning(n)
     power = np.abs(np.fft.rfft(motion * window))[1:] ** 2 / float(window @ window) / sd**2
     turn = 2 * np.pi * np.fft.rfftfreq(n)[1:]
-    seen = power > np.log(n) + BEYOND_NOISE
-    best = 0.0
-    for width in FAITHFUL_WIDTHS:
+    seen = np.convolve(power, np.full(ALIKE, 1 / ALIKE), "same") > OF_MOTION
+    best = float(FAITHFUL_WIDTHS[0])
+    for width in FAITHFUL_WIDTHS[1:]:
         fast = (width * turn[seen]) ** 4
         if 2 * float(((fast / (1 + fast)) ** (2 * FAITHFUL_TIMES) * power[seen]).sum()) > 1.0:
             break
