@@ -53,6 +53,14 @@ def test_beside_a_sure_name_no_improbable_effect_of_its_axis_is_suggested() -> N
     assert decisions(echo) == {"warmup": ("suggest", ())}
 
 
+def test_an_effect_that_is_about_as_probable_as_not_is_suggested() -> None:
+    likely, failing = candidate("drift", "reject", 1.5), candidate("warmup", "reject", 1.5, FAILED, signal=OTHER)
+    unlikely = candidate("spin_up", "reject", -0.5, signal=OTHER)
+    assert decisions(likely, failing, unlikely) == {
+        "drift": ("suggest", ()), "warmup": ("reject", ()), "spin_up": ("reject", ()),
+    }  # fmt: skip
+
+
 def test_a_name_with_support_stays_and_so_does_one_that_the_evidence_cannot_judge() -> None:
     assert decisions(candidate("drift", "add", 6.0, gain=7.0)) == {"drift": ("add", ())}
     assert decisions(candidate("drift", "add", 2.0, gain=13.0)) == {"drift": ("add", ())}
@@ -105,12 +113,12 @@ def test_beside_a_sure_name_the_evidence_names_what_gains_beside_it(decision: st
     """Alone it may gain nothing, because the error of the sure one is larger."""
     known = candidate("drift", "add", 9.0), candidate("scale_nonlinearity", decision, 6.0, gain=-0.4)
     assert decisions(*known) == {"drift": ("add", ()), "scale_nonlinearity": ("add", ())}
-    assert decisions(*known, beside=lambda sure, others: []) == {"drift": ("add", ()), "scale_nonlinearity": (decision, ())}
+    assert decisions(*known, beside=lambda sure, others: []) == {"drift": ("add", ()), "scale_nonlinearity": ("suggest", ())}
     assert decisions(known[0], replace(known[1], checks=FAILED))["scale_nonlinearity"] == (decision, ())
 
 
 def test_alone_what_the_tests_reject_is_not_named() -> None:
-    assert decisions(candidate("scale_nonlinearity", "reject", 6.0)) == {"scale_nonlinearity": ("reject", ())}
+    assert decisions(candidate("scale_nonlinearity", "reject", 6.0)) == {"scale_nonlinearity": ("suggest", ())}
 
 
 def test_rivals_of_which_none_may_act_are_suggested() -> None:

@@ -38,6 +38,10 @@ class Evidence:
         smaller="effects are suggested that share the shape of the one that is named: of 82 with less none was true",
         chosen_by="gyrocal benchmark edge, 175 sessions of the frozen part, and 87 sessions of others",
     )  # fmt: skip
+    likely_hint: float = threshold(
+        0.4, "probability of an effect that passes its checks from which on it is suggested, whatever the other tests make of it",
+        larger="effects are rejected that are as probable as not", smaller="effects are suggested that are hardly probable",
+    )  # fmt: skip
     leading_log_odds: float = threshold(
         -0.85, "log odds (a probability of 0.3) from which on an effect of the likeliest set is looked at more closely: its "
         "nonlinear parameter is refined and its checks are made",

@@ -133,7 +133,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
     effect that the tests suggest, or cannot tell from its rivals, is named if the evidence is sure of it, has weighed all these
     rivals, none of them has the same shape, and no effect that it is not sure of gains more on held-out data: a shape without
     a name may have supplied what the one lacks. Beside a sure name, every such effect is named that gains beside it, whatever
-    the tests make of it alone, and none is suggested that is improbable.
+    the tests make of it alone, and none is suggested that is improbable. What is about as probable as not is suggested.
     """
     weighed = {(c.effect.id, c.axis): c for c in candidates if c.log_odds is not None}
 
@@ -174,7 +174,7 @@ def decided(candidates: Sequence[Candidate], failing: Set[str], beside: Beside) 
 
     told = [joined.get((c.effect.id, c.axis)) or left(c) for c in out]
     hints = {(c.effect.id, c.axis) for c in candidates if c.decision == "suggest"}
-    return sorted(_without_echoes(told, hints), key=best_first)
+    return sorted((_likely(c) for c in _without_echoes(told, hints)), key=best_first)
 
 
 def _without_echoes(candidates: Sequence[Candidate], hints: Set[tuple[str, str]]) -> list[Candidate]:
@@ -186,6 +186,12 @@ def _without_echoes(candidates: Sequence[Candidate], hints: Set[tuple[str, str]]
         return c.decision == "suggest" and (c.effect.id, c.axis) in hints and c.axis in named and improbable
 
     return [replace(c, decision="reject", group=()) if echo(c) else c for c in candidates]
+
+
+def _likely(c: Candidate) -> Candidate:
+    """The candidate, suggested if it is about as probable as not and passes its checks, whatever the tests make of it."""
+    likely = c.probability is not None and c.probability >= POLICY.likely_hint and c.checks is not None
+    return replace(c, decision="suggest") if c.decision == "reject" and likely and not c.contradicted and in_range(c) else c
 
 
 def _outdoes(other: Candidate, c: Candidate) -> bool:
