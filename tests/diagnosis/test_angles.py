@@ -22,6 +22,21 @@ T_S = np.arange(1200) / 100
 WHITE_DPS = 0.05
 
 
+def test_what_turns_leave_within_power_cycles_is_a_number_however_little_their_noise_is() -> None:
+    """A free scale of each power cycle left no information on the common one after rounding: "inf deg" was told."""
+    rng, runs = np.random.default_rng(3), []
+    for cycle in range(2):
+        for degrees in (360.0, -360.0, 720.0, -720.0, 0.0):
+            rate = np.full(T_S.size, degrees / 12)
+            gyro = rng.normal([0.1 * cycle, 0.2, 0.3], 0.01, (T_S.size, 3)) + np.outer(1.005 * rate, [0, 0, 1])
+            known = {"turn_deg": degrees} if degrees else {"table_rate_dps": 0.0}
+            runs.append(make_run(T_S, gyro, scenario=f"s{cycle}", **known))
+    found = measure(make_session(*runs))
+    assert found.verdict == "adequate"
+    assert found.angles is not None
+    assert all(0.05 < one.ratio < 5 for one in found.angles.within.values())
+
+
 def session(seed: int, leak: float = 0.0, ways: tuple[float, ...] = (1.0, -1.0)) -> Session:
     """Three rests, and a turn both ``ways`` about each axis; z reads ``leak`` of the rate about x."""
     rng = np.random.default_rng(seed)

@@ -36,6 +36,20 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 
 
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("noise", [Noise(0.04), Noise(0.04, 0.003, 20.0), Noise(0.04, 0.3, 0.5)])
+def test_of_a_columns_own_white_noise_whitening_leaves_the_trace_of_the_inverse_covariance(noise: Noise, gap: bool) -> None:
+    rng = np.random.default_rng(2)
+    t_s, n = np.arange(300) * 0.1 + 3.0 * gap * (np.arange(300) > 150), np.full(300, 14.0)
+    columns, variance = rng.normal(size=(1, 2, 300)), 0.25
+    v = np.linalg.inv(dense(t_s, n, noise))
+    owed = np.diag([0.0, 300 * 14 * variance])[None]
+    summed = Summed.of(columns, t_s, n)
+    taken = summed.near(noise, ())[0][0] - summed.less(owed).near(noise, ())[0][0]
+    np.testing.assert_allclose(taken[0], np.diag([0.0, variance * np.trace(v)]), rtol=1e-6, atol=1e-6)
+    assert summed.left_white(noise) == pytest.approx(np.trace(v) / (300 * 14 / 0.04**2))
+
+
 @pytest.mark.parametrize("color", [Color(), Color(0.3)])
 @pytest.mark.parametrize("cell_s", [0.0, 0.5])
 def test_runs_that_are_summed_together_are_the_same_as_one_by_one(cell_s: float, color: Color) -> None:

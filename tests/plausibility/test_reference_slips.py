@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.errors import InputError
 from gyrocal.plausibility import check
@@ -159,3 +161,16 @@ def test_a_sensor_at_rest_beside_noisy_orientations_has_no_scale_and_no_offset()
     run = replace(make_run(T_S, rng.normal(0, 0.3, (T_S.size, 3)), table_rate_dps=None, **columns), reference=own)
     codes = {w.code for w in check(make_session(run, reference=own))}
     assert not codes & {"scale_implausible", "offset_ambiguous", "axes_swapped", "unit_rad_s"}
+
+
+def test_calibration_has_the_frame_of_the_comparison_where_one_axis_hardly_turns() -> None:
+    """Clipped readings of x turned the frame: y read a part of the rate about x, and its scale was half."""
+    true_dps = motion((6.0, 0.3, 0.3))
+    clipped = np.clip(true_dps, -300.0, 300.0) + [0.0, 0.1, 0.1] * np.sin(2 * np.pi * T_S / 3)[:, None]
+    session = tracked(clipped, true_dps)
+    scales = {p["axis"]: p for p in compare(session).to_json()["parameters"] if p["effect"] == p["name"] == "scale"}
+    for e in calibrate(session):
+        if e.axis != "x":
+            assert e.scale is not None
+            assert abs(e.scale) < 0.05
+            assert e.scale == pytest.approx(scales[e.axis]["value"], abs=4 * scales[e.axis]["se"])

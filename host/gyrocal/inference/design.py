@@ -281,7 +281,7 @@ class Design:
 
     @staticmethod
     def _limit(products: Array, gram: Array, q: int) -> None:
-        """Limit what noise adds to the ``products`` [runs, q, q] of ``[y | fixed]`` in place; ``gram`` are those of all runs."""
+        """Limit what noise adds to the ``products`` [runs, q, q] of ``[y | fixed]`` in place; ``gram`` is that of all runs."""
         own = slice(1, q)
         part = part_taken(gram[own, own], products[:, own, own].sum(axis=0))
         if part is not None:

@@ -240,9 +240,9 @@ def _stacked(columns: Iterable[Array]) -> Iterator[Array]:
 class _Drift:
     """The drift over k cells: its growth (dps^2/s) and rate (1/s), and the factors of ``Q + N``.
 
-    ``diagonal`` [k] is that of ``Q + N``. ``ages`` [k - 1] are the times between cells in correlation times, ``kept`` and ``forgotten`` [k - 1] the parts of the drift
-    that remain and that go over them, and ``driven`` [k] the variances that are added, the first of which is stationary.
-    ``logdet`` is the drift's part of the log-determinant.
+    ``diagonal`` [k] is that of ``Q + N``. ``ages`` [k - 1] are the times between cells in correlation times, ``kept`` and
+    ``forgotten`` [k - 1] the parts of the drift that remain and that go over them, and ``driven`` [k] the variances that are
+    added, the first of which is stationary. ``logdet`` is the drift's part of the log-determinant.
     """
 
     growth: float
@@ -283,8 +283,8 @@ class _Drift:
     def uncertain(self) -> Array:
         """The diagonal [k] of ``(Q + N)^-1``: the variance of the drift at each cell beside the readings, dps^2.
 
-        Of a tridiagonal matrix it is ``1 / (p + r - d)`` with the pivots p from the first row on, r from the last row on, and the
-        diagonal d (Meurant, SIAM J. Matrix Anal. 13 (1992) 707).
+        Of a tridiagonal matrix it is ``1 / (p + r - d)`` with the pivots p from the first row on, r from the last row on, and
+        the diagonal d (Meurant, SIAM J. Matrix Anal. 13 (1992) 707).
         """
         from scipy.linalg.lapack import dpttrf
 

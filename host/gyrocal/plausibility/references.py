@@ -142,8 +142,8 @@ def _lost(found: Lost) -> Warning:
         "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
     )
     left = (
-        f"The tracker has lost the sensor, or the sensor has failed. These samples, {percentage(found.part, 1)} of the run, are "
-        "left out. Look at both there; check markers and tracking"
+        f"The tracker has lost the sensor, or the sensor has failed. These samples, {percentage(found.part, 1)} of the run, "
+        "are left out. Look at both there; check markers and tracking"
     )
     text = (
         f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {_stretches(found.starts_s)}, and "

@@ -82,8 +82,11 @@ def _mean(run: Run, axis: int) -> Mean:
         samples = max(1, round(POLICY.slow_s * run.sample_rate_hz)) if run.three_axes else _samples_to_tell(run, rate)
         slow = [_block_means(values, samples) for values in (y, rate, *others)]
         beside = np.array(slow[2:]).reshape(len(others), slow[0].size)
-        line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5, _size(run)), _omega_rad_s(run)
-        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s, line.explained)
+        line = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5, _size(run))
+        return Mean(
+            run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, _omega_rad_s(run),
+            line.explained,
+        )  # fmt: skip
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
@@ -101,7 +104,7 @@ def _follows(y: Array, rate: Array) -> bool:
 
 
 class _Regression(NamedTuple):
-    """A straight line of readings over the true rate; the offset is in deg/s. ``explained`` is a part of the readings' power."""
+    """A straight line of readings over the true rate; the offset is in deg/s. It explains a part of the readings' power."""
 
     slope: float
     slope_se: float

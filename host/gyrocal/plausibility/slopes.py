@@ -233,8 +233,8 @@ def _unrelated(axis: str, run: Run) -> Warning:
     text = (
         f"the readings about {axis} ({reading_dps:.2g} dps rms) show nothing of what the reference says of this axis "
         f"({true_dps:.2g} dps rms): either {axis} does not work, or the orientations are wrong about it. If the sensor lay "
-        "still, import it without the reference (--rate 0); if it turned about the other axes alone, accept this warning and use "
-        "their answers"
+        "still, import it without the reference (--rate 0); if it turned about the other axes alone, accept this warning and "
+        "use their answers"
     )
     return Warning("reference_unrelated", axis, None, text, True)
 

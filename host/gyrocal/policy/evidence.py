@@ -39,7 +39,7 @@ class Evidence:
         chosen_by="gyrocal benchmark edge, 175 sessions of the frozen part, and 87 sessions of others",
     )  # fmt: skip
     likely_hint: float = threshold(
-        0.4, "probability of an effect that passes its checks from which on it is suggested, whatever the other tests make of it",
+        0.4, "probability from which on an effect that passes its checks is suggested, whatever the other tests make of it",
         larger="effects are rejected that are as probable as not", smaller="effects are suggested that are hardly probable",
     )  # fmt: skip
     leading_log_odds: float = threshold(

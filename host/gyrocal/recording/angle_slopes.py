@@ -21,9 +21,9 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 TRIMMED = 5
 """Samples at each end of a stretch of angles whose slope is not relied on, at the least."""
 STRAIGHT = 10.0
-"""Nearer than this to an end, in widths of the spline, the spline is too straight: its second derivative is zero at the end."""
+"""Nearer than this to an end, in its own widths, the spline is too straight, because its second derivative is zero there."""
 LONGEST_END = 0.05
-"""Part of a stretch at each end whose slope is not relied on, at the most. Where stretches are short, the spline is narrower."""
+"""Part of a stretch at each end whose slope is not relied on, at the most. In short stretches the spline is narrower."""
 GAP_STEPS = 3.5
 """An angle that is missing for more of its usual steps than this gives no rate in between."""
 SEGMENT, LEAST_SEGMENT = 256, 64
@@ -117,7 +117,8 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         if piece.size <= 2 * trimmed:
             continue
-        curves = np.column_stack([smooth_by(at_s, a, width, FAITHFUL_TIMES) for a, width in zip(angle_deg.T, widths, strict=True)])
+        smooth = (smooth_by(at_s, a, width, FAITHFUL_TIMES) for a, width in zip(angle_deg.T, widths, strict=True))
+        curves = np.column_stack(list(smooth))
         slopes = CubicSpline(at_s, curves)
         inner = slice(trimmed, piece.size - trimmed)
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])

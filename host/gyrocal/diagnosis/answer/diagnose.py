@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gyrocal.diagnosis.naming import candidates as naming
-from gyrocal.diagnosis.naming.beside import beside_sure
+from gyrocal.diagnosis.naming.beside import beside_sure, with_values_together
 from gyrocal.diagnosis.naming.candidate import Candidate
 from gyrocal.diagnosis.naming.probability import OnAxis, decided, improbable_noise, told_sets, with_probabilities
 from gyrocal.diagnosis.residual.comparison import Comparison, measure
@@ -86,6 +86,7 @@ def diagnose(
         comparison = naming.with_named(comparison, judged)
     tested, alternatives = with_probabilities(judged, comparison, progress)
     judged = decided(tested, _failing(comparison), lambda sure, others: beside_sure(sure, others, comparison))
+    judged = with_values_together(judged, comparison)
     verdict = verdict_on(comparison, judged)
     if verdict == "adequate":
         comparison = replace(comparison, where=improbable_noise(alternatives, comparison))

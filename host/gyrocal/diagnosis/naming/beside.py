@@ -93,6 +93,26 @@ def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparis
     return out
 
 
+def with_values_together(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """The candidates, of which several sure names of one axis have the values of the fit that holds them all.
+
+    Alone, the value of one holds a part of the others. Waves and faults of the reading keep those by which they were found.
+    """
+    named = [c for c in candidates if c.named and c.log_odds is not None]
+
+    def together(axis: str) -> dict[int, Candidate]:
+        mine, current = [c for c in named if c.axis == axis], Current.of(comparison, axis)
+        for c in mine:
+            current = current.with_effect(c.effect, c.values)
+        fitted = {t.effect_id: t for t in current.fit.terms if t.values}
+        both = [(c, fitted[c.effect.id]) for c in mine if c.effect.id in fitted]
+        return {id(c): replace(c, values=dict(t.values), se=dict(t.se)) for c, t in both if t.values.keys() == c.values.keys()}
+
+    axes = sorted({c.axis for c in named if sum(other.axis == c.axis for other in named) > 1})
+    changed = {key: c for of_axis in each(together, axes, comparison.fit.session.rows) for key, c in of_axis.items()}
+    return [changed.get(id(c), c) for c in candidates]
+
+
 def excludes(c: Candidate, rival: Candidate, comparison: Comparison) -> bool:
     """True if a candidate is needed beside a rival, and the rival is not needed beside the candidate (encompassing).
 

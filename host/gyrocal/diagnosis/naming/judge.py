@@ -253,7 +253,8 @@ def _gain_noise(fitted: AxisFit) -> float:
     """Standard deviation of the log-likelihood over the noise of the candidate's columns: of that noise times the readings'."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.fixed) if i == mine]
-    power = fitted.design.left_white(fitted.noise) @ fitted.design.column_noise[:, own, 0] @ fitted.solution.beta[own] ** 2
+    of_noise = fitted.design.left_white(fitted.noise) @ fitted.design.column_noise[:, own, 0]
+    power = float(of_noise @ fitted.solution.beta[own] ** 2)
     return float(np.sqrt(max(power, 0.0)) / fitted.noise.white_sd_dps)
 
 

@@ -16,6 +16,7 @@ import polars as pl
 
 from gyrocal import tails
 from gyrocal.diagnosis.residual.levels import excess_of
+from gyrocal.effects.base import Role
 from gyrocal.effects.quantities import grid_dps
 from gyrocal.inference import heldout
 from gyrocal.inference.excess_error import angles_of_samples, end_noise_deg, net_angles, of_skewed
@@ -25,8 +26,9 @@ from gyrocal.inference.reml import Equations, Spreads
 from gyrocal.recording.measured_rates import ANGLE
 from gyrocal.recording.session import AXES, Array, Run, Session
 
-FREE = 1e3
-"""A spread over power cycles, deg/s or a ratio, at which each has its own bias and scale."""
+FREE = {Role.BIAS: 1e3, Role.SCALE: 1.0}
+"""Spreads over power cycles, deg/s and a ratio, at which each has its own bias and scale. With larger ones, the information
+about what the cycles share is lost in rounding."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,8 @@ class WithinCycles:
         """The chi-square of one axis at its fitted noise; a ratio of 1 if no freedom is left."""
         layout, n = axis.design.layout, int(axis.design.n_blocks.sum())
         equations = Equations(layout, axis.grams, axis.logdet, axis.design.scenarios, n)
-        apart = Spreads(axis.spreads.run, np.full(len(layout.scenario), FREE))
+        roles = [axis.design.terms[layout.fixed[j][0]].effect.role for j in layout.scenario]
+        apart = Spreads(axis.spreads.run, np.array([FREE[role] for role in roles if role is not None]))
         freedom = n - len(layout.fixed) - (axis.design.cycles - 1) * len(layout.scenario)
         if freedom < 1:
             return WithinCycles(1.0, 1.0)
