@@ -23,6 +23,7 @@ REPAIRED = {
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",
     "cells": "cells of text in optional columns were taken as missing",
+    "stamps": "damaged times were put onto the course of the others",
     "orientations": "orientations whose quaternion has not the length 1 were taken as missing",
     "resampled": "samples of faster runs were averaged to the session's rate",
 }
