@@ -121,3 +121,14 @@ def test_a_repeated_stamp_does_not_make_uneven_samples_even(tmp_path: Path) -> N
     assert np.delete(kept, 11) == pytest.approx(np.delete(t_s, 11) - t_s[0], abs=1e-6)
     assert stamps[10] < kept[11] + t_s[0] < stamps[12]
     assert "1 of 304 times repeat or go back" in found.warnings[0].text
+
+
+def test_stamps_are_the_course_of_a_sampler_that_wanders(tmp_path: Path) -> None:
+    """Rounding to ms is off the numbers' course by less than the sampler's clock, which wanders by 30 ms in some seconds."""
+    rng = np.random.default_rng(9)
+    number_s = np.arange(2 * N) / 100
+    true_s = number_s + 0.03 * np.sin(2 * np.pi * number_s / 20)
+    readings = 400 * np.sin(2 * np.pi * np.outer(true_s, [2.0, 1.7, 1.3])) + rng.normal(0, 0.1, (2 * N, 3))
+    t_s, found = imported(tmp_path, np.round(true_s, 3), readings)
+    assert "times" not in found.repaired
+    assert np.ptp(t_s - true_s) < 0.0011

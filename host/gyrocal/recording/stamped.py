@@ -40,6 +40,9 @@ FEWEST = 64
 """Samples in uneven neighbourhoods, below which they do not tell."""
 FEW = 0.01
 """Part of the stamps that may repeat or go back in a log whose others are right."""
+SLOW = 10.0
+"""Scatter of the stamps over that of their steps, from which on the sampler itself wanders slowly: its numbers are then better
+from one sample to the next, but the stamps alone know the course."""
 PARTS = 32
 ERRORS = 4.0
 """Standard errors of the difference of both predictions from which on the smaller one is right."""
@@ -81,6 +84,9 @@ def right_times(t_s: Array, stamps: Stamps, readings: Array, uneven: float = UNE
     if len(parts) < PARTS // 2:
         return None
     sure = float(np.mean(parts)) / max(float(np.std(parts)) / len(parts) ** 0.5, 1e-300)
+    local_s = float(np.std(np.diff(t_s) - stamps.period_s * np.diff(number))) / 2**0.5
+    if sure > ERRORS and stamps.jitter_s > SLOW * local_s:
+        return None
     return "numbers" if sure > ERRORS else "stamps" if sure < -ERRORS else None
 
 
