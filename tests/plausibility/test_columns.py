@@ -130,6 +130,18 @@ def test_acceleration_is_judged_where_a_moving_sensor_is_quiet(pause_s: float, s
     assert [w.code for w in check(make_session(run))] == ["accel_unit"] * told
 
 
+@pytest.mark.parametrize(("size_g", "told"), [(38.0, ["accel_unit"]), (2.0, [])])
+def test_an_acceleration_beyond_any_motion_is_told_of_a_rest_that_moved(size_g: float, told: list[str]) -> None:
+    """38 g in a run declared at rest, in which the sensor turned, were no contradiction."""
+    rng, t_s = np.random.default_rng(3), np.arange(2000) / 100.0
+    gyro = np.column_stack([0 * t_s, 47 + 30 * np.sin(3 * t_s), 80 * np.sin(2 * t_s)]) + rng.normal(0, 0.05, (2000, 3))
+    acc = size_g * np.column_stack([np.sin(2 * t_s), np.cos(2 * t_s), 0 * t_s]) + rng.normal(0, 0.01, (2000, 3))
+    run = make_run(t_s, gyro, table_rate_dps=0.0, **dict(zip(("ax_g", "ay_g", "az_g"), acc.T, strict=True)))
+    codes = [w.code for w in check(make_session(run))]
+    assert "not_at_rest" in codes
+    assert [code for code in codes if code == "accel_unit"] == told
+
+
 def test_a_face_that_gravity_contradicts_in_another_unit() -> None:
     session = pair(np.arange(1000) / 100.0, acc_unit=9.80665, across=False)
     rest = replace(session.runs[0], table_rate_dps=0.0, face="down", index=2, file="rest.csv")

@@ -453,3 +453,29 @@ def test_a_stated_face_is_not_guessed(tmp_path: Path) -> None:
     defaults = {"table_rate_dps": 0.0, "face": "up"}
     found = import_recording(tmp_path / "log.csv", tmp_path / "out", defaults=defaults)
     assert [w.code for w in check(found)] == ["face_wrong"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("off_s", [-9.0, 90.0])
+def test_damaged_times_are_put_onto_the_course_that_goes_on_after_them(count: int, off_s: float, tmp_path: Path) -> None:
+    """A digit was lost on the way, and the rest was refused as another recording."""
+    table = recording()
+    t_s = table["t"].to_numpy() + np.random.default_rng(1).uniform(0, 0.003, N)
+    written = t_s.copy()
+    written[1000 : 1000 + count] += off_s
+    table.with_columns(t=written).write_csv(tmp_path / "log.csv")
+    found = read(tmp_path / "log.csv")
+    assert found.repaired == {"stamps": count}
+    assert [w.code for w in found.warnings] == ["line_damaged"]
+    assert f"row 1002: the time is {off_s:+.0f}" in found.warnings[0].text
+    np.testing.assert_allclose(found.session.runs[0].t_s, t_s - t_s[0], atol=0.004)
+    np.testing.assert_allclose(np.delete(found.session.runs[0].t_s - t_s + t_s[0], np.s_[1000 : 1000 + count]), 0, atol=1e-6)
+
+
+def test_a_time_that_stays_back_is_of_another_recording(tmp_path: Path) -> None:
+    table = recording()
+    written = table["t"].to_numpy().copy()
+    written[1000:] -= 9.0
+    table.with_columns(t=written).write_csv(tmp_path / "log.csv")
+    with pytest.raises(InputError, match=r"row 1002: time goes back by 8\.99 s, to another recording"):
+        read(tmp_path / "log.csv")

@@ -84,3 +84,16 @@ def test_a_session_with_rates_takes_no_run_by_hand(log: Path, tmp_path: Path, ca
     assert main(["import", str(log), str(out), "--rate", "0", *MAPS]) == 0
     assert main(["import", str(log), str(out), "--append", "--gravity", "--scenario", "s001", *MAPS]) == 2
     assert "a session of its own" in capsys.readouterr().err
+
+
+def test_a_recording_by_hand_without_rests_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Import was silent, and every verb after it refused the session."""
+    rng, t_s = np.random.default_rng(0), np.arange(3000) / 100
+    moves = np.column_stack([np.sin(2 * np.pi * f * t_s) for f in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)])
+    readings = moves * [60, 50, 40, 0.3, 0.3, 0.3] + [0, 0, 0, 0, 0, 1] + rng.normal(0, 0.02, (3000, 6))
+    names = ["t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g"]
+    pl.DataFrame(np.column_stack([t_s, readings]), schema=names).write_csv(tmp_path / "log.csv")
+    assert main(["import", str(tmp_path / "log.csv"), str(tmp_path / "out"), "--gravity", "--json"]) == 0
+    (told,) = (w for w in json.loads(capsys.readouterr().out)["warnings"] if w["code"] == "not_at_rest")
+    assert "rests found" in told["text"]
+    assert "and 4 are needed at least. Leave the sensor still for two seconds in each pose" in told["text"]

@@ -2,6 +2,7 @@
 
 import datetime
 import gzip
+import re
 import zipfile
 from pathlib import Path
 
@@ -144,6 +145,19 @@ REFUSED: dict[str, tuple[str, str]] = {
     "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),
     "a plotter's labels": (text([[f"{h}:{c}" for h, c in zip(HEAD, r, strict=True)] for r in ROWS]), "write the names once"),
 }
+
+
+LABELS = "\n".join(f"Linear X = 0, Y = -13, gx = {r[1]}, gy = {r[2]}, gz = {r[3]}\nstatus: sys 3, gyro 3" for r in ROWS)
+
+
+@pytest.mark.parametrize("head", ["", "# capture_start baud=115200 seconds=60.0\nBooting at 0x42\n"])
+@pytest.mark.parametrize("columns", [None, ["time", "gx", "gy", "gz"]])
+def test_names_in_the_cells_are_told_of_their_own_row(head: str, columns: list[str] | None, tmp_path: Path) -> None:
+    """With blanks about the sign, and with stated names as well, which the refusal had advised."""
+    (tmp_path / "log.txt").write_text(head + LABELS)
+    with pytest.raises(InputError, match=r"its cells hold names, as 'X = 0'; write the names once") as told:
+        read_recording(tmp_path / "log.txt", Options(columns=columns, defaults={"table_rate_dps": 0.0}))
+    assert re.search(r"row \d+ is 'Linear X = 0", str(told.value))
 
 
 @pytest.mark.parametrize("habit", REFUSED)

@@ -106,3 +106,29 @@ def test_samples_that_a_host_reads_one_by_one_from_packets_are_even(turns: bool,
     assert np.ptp(t_s - true_s) < 0.04
     assert round(np.ptp(t_s) * found.session.sample_rate_hz) + 1 - true_s.size == pytest.approx(missing, abs=4)
     assert not [w for w in check(found.session) if w.code == "sample_rate"]
+
+
+def test_a_repeated_stamp_does_not_make_uneven_samples_even(tmp_path: Path) -> None:
+    """A phone's readings at each frame and some between, of which one has the stamp of the reading before."""
+    rng = np.random.default_rng(8)
+    steps = np.concatenate([rng.normal(0.0165, 0.0025, 254), rng.normal(0.003, 0.0005, 50)])
+    t_s = np.cumsum(rng.permutation(steps))
+    readings = rates(t_s, rng)
+    readings[150:152] += 300.0  # a knock, which outweighs all other errors of both predictions
+    stamps = t_s.copy()
+    stamps[11] = stamps[10]
+    kept, found = imported(tmp_path, stamps, readings)
+    assert np.delete(kept, 11) == pytest.approx(np.delete(t_s, 11) - t_s[0], abs=1e-6)
+    assert stamps[10] < kept[11] + t_s[0] < stamps[12]
+    assert "1 of 304 times repeat or go back" in found.warnings[0].text
+
+
+def test_stamps_are_the_course_of_a_sampler_that_wanders(tmp_path: Path) -> None:
+    """Rounding to ms is off the numbers' course by less than the sampler's clock, which wanders by 30 ms in some seconds."""
+    rng = np.random.default_rng(9)
+    number_s = np.arange(2 * N) / 100
+    true_s = number_s + 0.03 * np.sin(2 * np.pi * number_s / 20)
+    readings = 400 * np.sin(2 * np.pi * np.outer(true_s, [2.0, 1.7, 1.3])) + rng.normal(0, 0.1, (2 * N, 3))
+    t_s, found = imported(tmp_path, np.round(true_s, 3), readings)
+    assert "times" not in found.repaired
+    assert np.ptp(t_s - true_s) < 0.0011

@@ -332,3 +332,25 @@ def test_in_whole_seconds_a_loop_that_wanders_loses_nothing_and_an_exact_sampler
         assert regression(np.floor(0.3 + 0.05176 * kept)).lost == 3
     paused_s = loop_s + np.where(np.arange(2000) < 900, 0.0, 12.0)
     assert regression(np.floor(paused_s)).lost == pytest.approx(232, abs=20)
+
+
+@pytest.mark.parametrize("first", [5, 90, 470])
+@pytest.mark.parametrize(("interval_ms", "off"), [(1.001, 8), (4.995, 1)])
+def test_a_long_gap_with_another_loss_right_after_it_is_counted(first: int, interval_ms: float, off: int) -> None:
+    """Stamps in whole ms of a logger that stalls just after it began: as many are missing as there is room for."""
+    number = np.concatenate([np.arange(first), [first + 73], first + 77 + np.arange(5000)])
+    t_s = np.floor(interval_ms * number + np.random.default_rng(0).uniform(0, 1, number.size)) / 1e3
+    found = regression(t_s)
+    assert found.even
+    assert found.lost == pytest.approx(76, abs=off)
+    assert found.period_s == pytest.approx(interval_ms / 1e3, rel=2e-3)
+
+
+def test_a_long_pause_of_a_program_s_loop_is_missing_samples() -> None:
+    steps = np.random.default_rng(2).choice([0.005, 0.006, 0.007, 0.008], 4000, p=[0.1, 0.6, 0.2, 0.1])
+    t_s = np.cumsum(steps)
+    interval_s = float(steps.mean())
+    assert lost(t_s, interval_s) == 0
+    late = t_s + np.where(np.arange(4000) >= 3987, 0.1, 0.0)
+    assert lost(late, interval_s) == pytest.approx(0.1 / interval_s, abs=1)
+    assert not regression(late).even

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from gyrocal.cli import main
@@ -145,6 +146,18 @@ def test_a_rotation_matrix_is_an_orientation(imu: Path, names: str, first: int) 
     cells = Rotation.from_quat(Q).as_matrix().reshape(-1, 9)
     head = ",".join(["time", *(names.format(i + first, j + first) for i in range(3) for j in range(3))])
     found = read(imu, trajectory(imu, head, np.column_stack([START_S + U_S, cells]), ","))
+    assert "ref_qw=matrix.qw" in {g.map for g in found.guessed}
+    check(found)
+
+
+@pytest.mark.parametrize("name", ["rots", "R", "rotmat"])
+@pytest.mark.parametrize("last", [True, False])
+def test_rotation_matrices_of_a_mat_file_are_orientations(imu: Path, name: str, last: bool) -> None:
+    """Matrices [3, 3, n] or [n, 3, 3] were no columns at all."""
+    matrices = Rotation.from_quat(Q).as_matrix()
+    path = imu.parent / "poses.mat"
+    savemat(path, {name: np.moveaxis(matrices, 0, -1) if last else matrices, "ts": START_S + U_S})
+    found = read(imu, path)
     assert "ref_qw=matrix.qw" in {g.map for g in found.guessed}
     check(found)
 

@@ -23,6 +23,7 @@ REPAIRED = {
     "rows": "rows without a sample were left out",
     "twice": "rows that repeat the row before, time and all, were left out",
     "cells": "cells of text in optional columns were taken as missing",
+    "stamps": "damaged times were put onto the course of the others",
     "orientations": "orientations whose quaternion has not the length 1 were taken as missing",
     "resampled": "samples of faster runs were averaged to the session's rate",
 }
@@ -254,11 +255,17 @@ def decided(found: "Imported") -> None:
 
 
 def _save(found: "Imported", out: Path, append: bool, as_json: bool) -> None:
+    warnings = _checked(found.session)  # an error in the data comes before anything is written
+    session = found.save(out, append=append)
+    _tell(found, session, _checked(session) if append else warnings, out, as_json)
+
+
+def _checked(session: "Session") -> "list[Warning]":
+    """The warnings of a session, of one by gravity with what its rests lack."""
+    from gyrocal.gravity import rests
     from gyrocal.plausibility import check
 
-    warnings = check(found.session)  # an error in the data comes before anything is written
-    session = found.save(out, append=append)
-    _tell(found, session, check(session) if append else warnings, out, as_json)
+    return [*(rests.check(session) if session.reference.kind == "gravity" else []), *check(session)]
 
 
 def _tell(found: "Imported", session: "Session", of_session: "list[Warning]", out: Path, as_json: bool) -> None:

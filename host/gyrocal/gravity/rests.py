@@ -101,16 +101,28 @@ def look(session: Session) -> Found:
 def find(session: Session) -> Found:
     """Rests and movements of all runs. Raises InputError if there are too few rests or no movement."""
     found = look(session)
-    if len(found.rests) < POLICY.fewest_rests or not found.movements:
-        where, rests = session.path or "the session", number_of(len(found.rests), "rest")
-        also = f" ({found.moved} more moved and are left out)" if found.moved else ""
-        few = len(found.rests) < POLICY.fewest_rests
-        lacking = f"and {POLICY.fewest_rests} are needed at least" if few else "but no movement that leads from one to the next"
-        raise InputError(
-            f"{where}: {rests} found{also}, {lacking}. "
-            "Leave the sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
-        )
+    if lacking := _lacking(found):
+        raise InputError(f"{session.path or 'the session'}: {lacking}")
     return found
+
+
+def check(session: Session) -> list[Warning]:
+    """``not_at_rest`` where a session has too few rests, or no movement between them, for every command that needs them."""
+    lacking = _lacking(look(session))
+    return [Warning("not_at_rest", None, None, lacking)] if lacking else []
+
+
+def _lacking(found: Found) -> str:
+    """What a calibration by gravity lacks, in words; empty if there are rests and movements enough."""
+    few = len(found.rests) < POLICY.fewest_rests
+    if not few and found.movements:
+        return ""
+    also = f" ({found.moved} more moved and are left out)" if found.moved else ""
+    lacking = f"and {POLICY.fewest_rests} are needed at least" if few else "but no movement that leads from one to the next"
+    return (
+        f"{number_of(len(found.rests), 'rest')} found{also}, {lacking}. "
+        "Leave the sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
+    )
 
 
 def _still(run: Run, louder: float) -> list[tuple[int, int]]:

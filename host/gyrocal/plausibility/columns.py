@@ -36,7 +36,7 @@ def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
 
     Without one, the size of each sample is taken where the readings are quietest, because the mean over turning gravity is the
     accelerometer's own bias, and motion adds to gravity. Where every rest moved or nothing is quiet, accelerations are no
-    gravity, and only another unit is told.
+    gravity, and only another unit is told, or more in most of a rest than any motion makes.
     """
     if session.reference.kind == "gravity":
         return _by_hand(session)
@@ -55,7 +55,7 @@ def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
     if abs(norm - 1) <= POLICY.gravity_off:
         return []
     unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < POLICY.gravity_off), None)
-    if unit is None and ((said and not rests) or not (at_rest or quiet)):
+    if unit is None and ((said and not rests and norm < POLICY.motion_g) or not (at_rest or quiet)):
         return []
     guess = f"it is in {unit}" if unit else "its unit or its scale is wrong"
     text = (

@@ -412,6 +412,11 @@ class Plausibility:
         0.1, "deviation of the acceleration at rest from 1 g that is reported, g",
         larger="a wrong range passes", smaller="the bias of an accelerometer is reported", chosen_by=COLUMNS,
     )  # fmt: skip
+    motion_g: float = threshold(
+        5.0, "median size of the acceleration in a rest that moved, from which on its unit or scale is wrong, g",
+        larger="a scale that is a few times wrong passes beside a motion", smaller="a shaker is called a wrong unit",
+        chosen_by="a foot's median is below 1.5 g, a shaken hand's below 3; chosen by judgement",
+    )  # fmt: skip
     temperatures_c: tuple[float, float] = threshold(
         (-60.0, 150.0), "temperatures of a working part, °C",
         larger="degrees Fahrenheit and kelvin pass", smaller="hot parts are reported",

@@ -12,14 +12,16 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.orientation import UNIT_WITHIN
+from gyrocal.recording.padding import readings_within
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
-from gyrocal.recording.stamps import step_range_s
+from gyrocal.recording.stamps import damaged_stamps, step_range_s
 from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
+ACCELERATIONS = ("ax_g", "ay_g", "az_g")
 CHANCE = 1e-3
 """Probability below which it is no chance that readings repeat where times do, and hardly ever elsewhere."""
 LONGER = 1.5
@@ -38,11 +40,13 @@ class Converted:
     gaps: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     damage: str = ""
     left_out: int = 0
-    """Rows without a sample: damaged ones and lines of text."""
+    """Rows without a sample: damaged ones, lines of text, and zeros before the first reading or after the last."""
     cells: int = 0
     """Text in optional columns, taken as missing."""
     repeated: int = 0
     """Rows that were written twice, of which one is kept."""
+    stamps: int = 0
+    """Damaged times, put onto the course of the others."""
     orientations: int = 0
     """Damaged quaternions, taken as missing."""
 
@@ -72,7 +76,7 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     """
     values = {m.target: source.numbers(m) for m in mappings}
     if _is_whole(source, mappings, values):
-        return _with_rotations(source, _finished(Converted(values), rate_hz))
+        return _mended(source, mappings, Converted(values), rate_hz)
     kept = _where_not(source.blank())
     values = {name: _rows(column, kept) for name, column in values.items()}
     text = {m.target: _rows(source.has_text(m), kept) for m in mappings}
@@ -91,8 +95,32 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     columns = {name: _rows(column, good) for name, column in values.items()}
     damage = _words(source, mappings, kept, damaged, footer, lacking)
     gaps = np.flatnonzero(bad & ~_after_last(~bad))
-    table = _finished(Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
-    return _with_rotations(source, table)
+    return _mended(source, mappings, Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
+
+
+def _mended(source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None) -> Converted:
+    read = _with_course(source, _without_padding(source, mappings, table))
+    return _with_rotations(source, _finished(read, rate_hz))
+
+
+def _without_padding(source: Source, mappings: Sequence[ColumnMap], table: Converted) -> Converted:
+    """The table without the rows of zeros before its first reading and after its last one."""
+    zeros = {m.target: m.offset for m in mappings}
+    gyro, acc = (
+        [table.columns[name] - zeros[name] if zeros[name] else table.columns[name] for name in names if name in zeros]
+        for names in (REQUIRED[1:], ACCELERATIONS)
+    )
+    first, end = readings_within(gyro, acc)
+    padding = [*range(first), *range(end, table.size)] if gyro else []
+    if not padding:
+        return table
+    rows = np.delete(np.arange(table.height), table.gaps)
+    many = f"{len(padding)} rows of zeros are" if len(padding) > 1 else "a row of zeros is"
+    told = f"{many} left out, which no sensor reads (from row {source.first_row + int(rows[padding[0]])} on)"
+    gaps = np.setdiff1d(np.arange(rows[end - 1] + 1), rows[first:end])
+    columns = {name: column[first:end] for name, column in table.columns.items()}
+    damage = ", and ".join(filter(None, (table.damage, told)))
+    return replace(table, columns=columns, gaps=gaps, damage=damage, left_out=table.left_out + len(padding))
 
 
 def _is_whole(source: Source, mappings: Sequence[ColumnMap], values: Mapping[str, Array]) -> bool:
@@ -110,6 +138,26 @@ def _finished(table: Converted, rate_hz: float | None) -> Converted:
     if "ref_angle_deg" in columns:
         columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
     return replace(table, columns=columns)
+
+
+def _with_course(source: Source, table: Converted) -> Converted:
+    """The table with the few damaged stamps put onto the course of the others."""
+    t_s = table.columns.get("t_s")
+    if t_s is None or t_s.size < 3 or step_range_s(t_s)[0] >= 0:
+        return table
+    off = damaged_stamps(t_s)
+    if not 0 < off.size <= MOST_DAMAGED * t_s.size:
+        return table
+    right = np.delete(np.arange(t_s.size), off)
+    course_s = np.interp(np.arange(t_s.size), right, t_s[right])
+    many = f"{off.size} damaged times are" if off.size > 1 else "a damaged time is"
+    first = int(off[0])
+    told = (
+        f"{many} put onto the course of the others (row {source.first_row + table.row(first)}: the time is "
+        f"{t_s[first] - course_s[first]:+.4g} s off)"
+    )
+    damage = ", and ".join(filter(None, (table.damage, told)))
+    return replace(table, columns={**table.columns, "t_s": course_s}, damage=damage, stamps=int(off.size))
 
 
 def _with_rotations(source: Source, table: Converted) -> Converted:

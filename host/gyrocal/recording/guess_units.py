@@ -15,6 +15,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import STANDARD_GRAVITY, ColumnMap, Scaling
 from gyrocal.recording.column_names import stated_unit
+from gyrocal.recording.cut import Cut
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 
@@ -79,12 +80,14 @@ class Motion:
 class Known:
     """What is known of a recording's motion beside its readings: the table's rate, deg/s, its angle, deg, or a reference.
 
-    ``reference_dps`` gives the rms rate of a reference, deg/s, or None; it is called only if nothing else decides.
+    ``cuts`` are the runs that are taken, if a file is cut, each with its own rate or angle. ``reference_dps`` gives the rms
+    rate of a reference, deg/s, or None; it is called only if nothing else decides.
     """
 
     rate_dps: float | None = None
     turn_deg: float | None = None
     reference_dps: Callable[[], float | None] = lambda: None
+    cuts: Sequence[Cut] = ()
 
 
 def unit_of_acceleration(source: Source, names: Sequence[str], scaling: Scaling) -> Unit | None:
@@ -227,11 +230,15 @@ def _misfit(up: Array, turns_rad: Array, starts: Array, steps: int) -> float:
 
 def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | None:
     """The unit in which the rates are of the size of a stated rate or angle, or of those of a reference."""
-    means = np.abs(np.nanmedian(rates, axis=0))
-    pairs = [(float(means.max()), abs(known.rate_dps))] if known.rate_dps else []
-    if known.turn_deg and motion is not None and motion.t_s.size == len(rates):
-        turned = np.nan_to_num(rates - np.nanmedian(rates[: max(10, len(rates) // 50)], axis=0))
-        pairs.append((float(np.abs(np.gradient(motion.t_s) @ turned).max()), abs(known.turn_deg)))
+    pairs = []
+    for cut in known.cuts or [Cut("", meta={"table_rate_dps": known.rate_dps, "turn_deg": known.turn_deg})]:
+        rows = _rows(cut, motion, len(rates))
+        part, rate_dps, turn_deg = rates[rows], cut.meta.get("table_rate_dps"), cut.meta.get("turn_deg")
+        if rate_dps and len(part):
+            pairs.append((float(np.abs(np.nanmedian(part, axis=0)).max()), abs(rate_dps)))
+        if turn_deg and motion is not None and motion.t_s.size == len(rates) and len(part) > 1:
+            turned = np.nan_to_num(part - np.nanmedian(part[: max(10, len(part) // 50)], axis=0))
+            pairs.append((float(np.abs(np.gradient(motion.t_s[rows]) @ turned).max()), abs(turn_deg)))
     if not pairs and (reference_dps := known.reference_dps()) is not None:
         pairs.append((float(np.sqrt(np.nanmean(np.nansum(rates**2, axis=1)))), reference_dps))
     for read, true in pairs:
@@ -239,6 +246,17 @@ def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | No
             if 1 / OF_ONE_SIZE < read * one / true < OF_ONE_SIZE:
                 return unit
     return None
+
+
+def _rows(cut: Cut, motion: Motion | None, height: int) -> slice:
+    """The rows of a table of this height that a run takes; none where it begins or ends at a time and none is known."""
+    at = [0, height]
+    for k, edge in enumerate((cut.start, cut.end)):
+        if edge is not None and not edge.in_seconds:
+            at[k] = int(edge.value)
+        elif edge is not None:
+            at[k] = int(np.searchsorted(motion.t_s, edge.value)) if motion is not None else height * (1 - k)
+    return slice(*at)
 
 
 HALF_TURN_DEG = 180.0

@@ -242,7 +242,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened if w.code == "sample_rate"})
     hung = sum(w.code == "constant_reading" for w in evened)
     counts = {"rests": rests, "hung": hung, "times": times, "rows": table.left_out, "twice": table.repeated}
-    counts |= {"cells": table.cells, "orientations": table.orientations}
+    counts |= {"cells": table.cells, "stamps": table.stamps, "orientations": table.orientations}
     rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
     corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
     session = Session(
@@ -374,7 +374,7 @@ def _place(table: Converted, edge: Edge | None, default: int) -> int:
     if edge is None:
         return default
     if not edge.in_seconds:
-        return table.place(int(edge.value)) if edge.value <= table.height else -1
+        return min(table.place(int(edge.value)), table.size) if edge.value <= table.height + table.left_out else -1
     return int(np.searchsorted(np.maximum.accumulate(table.columns["t_s"]), edge.value - 0.5e-6))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from gyrocal.errors import InputError
 from gyrocal.recording import joined, readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
+from gyrocal.recording.cut import with_meta
 from gyrocal.recording.guess import Guess, guess, time_column
 from gyrocal.recording.guess_units import Known, check_signed, typical_rate_dps
 from gyrocal.recording.import_options import Options
@@ -78,7 +79,10 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
         return Mapped(mappings, source)
     if not mappings and set(REQUIRED) <= set(source.frame.columns):
         return Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
-    stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
+    cuts = with_meta(options.cuts, options.run_meta, options.defaults) if options.cuts else []
+    each = [cut.meta for cut in cuts] or [options.defaults]
+    all_runs = all({"table_rate_dps", "turn_deg"} & set(meta) for meta in each)
+    stated = options.gravity or options.second is not None or all_runs
     wanted = options.needs_rate and not (stated or has_reference(targets))
 
     def reference_dps() -> float | None:
@@ -90,7 +94,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
             columns["t_s"] = source.numbers(ColumnMap.parse(time.map, scaling))
         return typical_rate_dps(columns["t_s"], columns) if "t_s" in columns else None
 
-    known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps)
+    known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps, cuts)
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
     return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)

@@ -14,7 +14,7 @@ from gyrocal.recording.orientation import UNIT_WITHIN
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 
-OWN = r"(?:r|rot|rotation|rotation_?matrix|rot_?mat(?:rix)?|m|mat|matrix|dcm)"
+OWN = r"(?:r|rots?|rotations?|rotation_?matri(?:x|ces)|rot_?mat(?:rix|s)?|m|mats?|matri(?:x|ces)|dcms?)"
 STEM = rf"(?:.*[/._])?{OWN}"
 
 

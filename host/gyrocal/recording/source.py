@@ -152,6 +152,8 @@ def of_arrays(
 ) -> Source:  # fmt: skip
     """A table of arrays by name, all of one length; [n, k] becomes the columns ``name.0`` to k - 1.
 
+    [n, 3, 3] and [3, 3, n], matrices, become ``name.0`` to 8, in the order of a matrix's rows.
+
     Of several lengths it is the one that holds most numbers and what ``holds`` asks for, or most numbers if none does.
     Parameters of three numbers may be more than the columns of the readings.
 
@@ -162,7 +164,7 @@ def of_arrays(
         array = np.asarray(value)
         if array.dtype.kind not in "fiub" or array.size < 2:
             continue
-        array = array.squeeze()
+        array = _rows_of_matrices(array.squeeze())
         if array.ndim == 1:
             columns[name] = array
         elif array.ndim == 2:
@@ -179,6 +181,14 @@ def of_arrays(
 
     tables = [table(n) for n in sorted(set(lengths), key=lambda n: (n * lengths.count(n), n), reverse=True)]
     return next(filter(holds, tables), tables[0])
+
+
+def _rows_of_matrices(array: Any) -> Any:
+    """Matrices [n, 3, 3] or [3, 3, n] as [n, 9], in the order of their rows; any other array as it is."""
+    if array.ndim != 3:
+        return array
+    matrices = np.moveaxis(array, -1, 0) if array.shape[:2] == (3, 3) and array.shape[2] != 3 else array
+    return matrices.reshape(-1, 9) if matrices.shape[1:] == (3, 3) else array
 
 
 def moments_ns(column: pl.Series) -> pl.Series | None:

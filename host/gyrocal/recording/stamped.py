@@ -13,7 +13,17 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.orientation import of_one_sign
-from gyrocal.recording.stamps import Array, Stamps, catch_up, goes_back, in_bursts, regression, step_range_s, typical_step_s
+from gyrocal.recording.stamps import (
+    Array,
+    Stamps,
+    catch_up,
+    goes_back,
+    in_bursts,
+    regression,
+    step_range_s,
+    typical_step_s,
+    without_repeats,
+)  # fmt: skip
 from gyrocal.warning import Warning
 
 LONGEST_S = 1e9
@@ -28,6 +38,11 @@ MOST = 200_000
 """Samples that are looked at."""
 FEWEST = 64
 """Samples in uneven neighbourhoods, below which they do not tell."""
+FEW = 0.01
+"""Part of the stamps that may repeat or go back in a log whose others are right."""
+SLOW = 10.0
+"""Scatter of the stamps over that of their steps, from which on the sampler itself wanders slowly: its numbers are then better
+from one sample to the next, but the stamps alone know the course."""
 PARTS = 32
 ERRORS = 4.0
 """Standard errors of the difference of both predictions from which on the smaller one is right."""
@@ -62,10 +77,16 @@ def right_times(t_s: Array, stamps: Stamps, readings: Array, uneven: float = UNE
         return None
     by_stamp, by_number = (_errors(times, readings, inside) for times in (t_s, number))
     known = np.isfinite(by_stamp) & np.isfinite(by_number)
-    parts = [part.mean() for part in np.array_split((by_stamp - by_number)[known], PARTS) if part.size]
+    by_stamp, by_number = by_stamp[known], by_number[known]
+    usual = max(float(np.median(by_stamp + by_number)), 1e-300) if known.any() else 1.0
+    gains = np.log((by_stamp + usual) / (by_number + usual))  # a jerk that only a few samples show does not outweigh them all
+    parts = [part.mean() for part in np.array_split(gains, PARTS) if part.size]
     if len(parts) < PARTS // 2:
         return None
     sure = float(np.mean(parts)) / max(float(np.std(parts)) / len(parts) ** 0.5, 1e-300)
+    local_s = float(np.std(np.diff(t_s) - stamps.period_s * np.diff(number))) / 2**0.5
+    if sure > ERRORS and stamps.jitter_s > SLOW * local_s:
+        return None
     return "numbers" if sure > ERRORS else "stamps" if sure < -ERRORS else None
 
 
@@ -111,6 +132,17 @@ def _replaced(t_s: Array, columns: Sequence[Array]) -> str:
     return ""
 
 
+def _with_few_mended(t_s: Array, readings: Sequence[Array]) -> Array | None:
+    """Stamps [n], s, of which a few repeat or go back and are put between their neighbours, if the readings follow the others.
+
+    None where these do not, or where many stamps repeat: they are then no times of samples.
+    """
+    if not readings or np.mean(np.diff(t_s) <= 0) > FEW:
+        return None
+    mended = without_repeats(t_s)
+    return mended if right_times(mended, regression(mended), np.column_stack(readings)) == "stamps" else None
+
+
 def even(
     t_s: Array, where: Callable[[int], str], file: str,
     advice: Callable[[int], str] = lambda _: "delete what is not part of it",
@@ -136,6 +168,13 @@ def even(
         longest = int(np.argmax(steps_s)) + 1
         raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
+    if stamps.even and (kept := _with_few_mended(t_s, readings)) is not None:
+        few = int(np.sum(steps_s <= 0))
+        return kept, Warning(
+            "sample_rate", None, file,
+            f"{few} of {t_s.size} times repeat or go back, and were put between their neighbours. The readings follow all "
+            "others, which stay. Record the sensor's own time if you can",
+        )  # fmt: skip
     back = ""
     if stamps.set_back:
         place, by_s = stamps.set_back[0]

@@ -36,6 +36,8 @@ ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LONG = 1.5
 """A step longer than this, in intervals, may hold a lost sample."""
+PAUSE = 8.0
+"""Intervals. A longer step of a program's uneven loop is a pause, in which samples are missing."""
 WHOLE, STATED = 0.25, 0.02
 """Fraction of an interval by which a long step may be off a whole number of them, and the usual interval off the stated one."""
 LOST = 0.7
@@ -52,6 +54,8 @@ FROZEN = 4
 """Fewest intervals in a row without progress that are a clock standing still, and no packet of a few samples."""
 LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
+MOST_DAMAGED = 3
+"""Damaged stamps in a row at most, with the course going on after them."""
 SCATTERED, OFTEN = 0.1, 0.05
 """A step off the median by more than this part of it is none of an even sampler; with more such steps than this part of
 all, the stamps scatter."""
@@ -239,6 +243,33 @@ def _without_stale(t_s: Array) -> Array:
     return np.interp(np.arange(t_s.size), ordered, t_s[ordered])
 
 
+def damaged_stamps(t_s: Array) -> Index:
+    """The samples [k] of stamps [n], s, that are far off while the course goes on after them: digits were lost or altered.
+
+    They are a few in a row, between two samples that are as far apart as their number makes.
+    """
+    steps = np.diff(t_s)
+    usual_s = float(np.median(steps)) if steps.size else 0.0
+    found: list[int] = []
+    for before in np.flatnonzero(steps < -WINDOW * usual_s).tolist() if usual_s > 0 else ():
+        for count in range(1, MOST_DAMAGED + 1):  # those after the step back, or those before it
+            first = next((
+                first for first in (before + 1, before + 1 - count)
+                if first > 0 and first + count < t_s.size
+                and 0 < t_s[first + count] - t_s[first - 1] < LONG * (count + 1) * usual_s
+            ), None)  # fmt: skip
+            if first is not None:
+                found += range(first, first + count)
+                break
+    return np.unique(np.array(found, dtype=np.intp))
+
+
+def without_repeats(t_s: Array) -> Array:
+    """Stamps [n], s, of which those that repeat or go back are put between their neighbours, and all others stay."""
+    fresh_s = _without_stale(t_s)
+    return _onward(fresh_s, _mean_step_s(np.diff(fresh_s)))
+
+
 def _onward(t_s: Array, interval_s: float) -> Array:
     """Stamps [n], s, of which those that repeat are put on a line to the next one, and the last ones an interval apart."""
     first = np.concatenate([[0], np.flatnonzero(np.diff(t_s) > 0) + 1])
@@ -278,7 +309,7 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
     if on_grid is not None:
         return *on_grid, True
     if _is_on_demand(t_s):
-        return np.arange(n), _mean_step_s(np.diff(t_s)), False
+        return *_with_pauses(t_s), False
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -294,8 +325,23 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
         timely = _timely(every, t_s)
         return every, _slope_s(every[timely], t_s[timely]), True
     if _contradicts(t_s, number, interval_s, burst):
-        return np.arange(n), _mean_step_s(np.diff(t_s)), False
+        return *_with_pauses(t_s), False
     return number, interval_s, True
+
+
+def _with_pauses(t_s: Array) -> tuple[Index, float]:
+    """The number of each sample [n] of stamps that keep to no course, and their mean interval, s.
+
+    Only the samples of a long pause are counted as missing, and none that comes soon after it: it may have waited.
+    """
+    steps = np.diff(t_s)
+    interval_s = _mean_step_s(steps)
+    missing = np.zeros(t_s.size, dtype=np.intp)
+    for i in np.flatnonzero(steps > PAUSE * interval_s).tolist():
+        after = min(i + round(float(steps[i]) / interval_s), t_s.size - 1)
+        count = round(float(t_s[after] - t_s[i]) / interval_s) - (after - i)
+        missing[i + 1] = max(0, count) if count > USUAL * float(steps[i]) / interval_s else 0
+    return np.arange(t_s.size) + np.cumsum(missing), interval_s
 
 
 def _wanders_between_ticks(t_s: Array, number: Index) -> bool:
@@ -520,8 +566,10 @@ def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
         stall_s = float(steps[max(0, i - WINDOW) : i + 2].max())
         waits = min(round(stall_s / interval_s), size)  # samples that may still come late
         i += 1
-        shift_s = earliest_s(late_s[i : i + max(size, 4 * waits)]) - earliest_s(late_s[max(since, i - size) : i])
-        count = round(shift_s / interval_s + 0.5 - LOST)
+        before_s = earliest_s(late_s[max(since, i - size) : i])
+        shift_s = earliest_s(late_s[i : i + max(size, 4 * waits)]) - before_s
+        room_s = late_s[i] - before_s  # what is missing beyond that is missing after this sample
+        count = round(min(shift_s, room_s) / interval_s + 0.5 - LOST)
         if count > 0:
             lost[i] = count
             late_s[i:] -= count * interval_s

@@ -34,6 +34,8 @@ DECIMAL_COMMAS = "decimal commas and commas between the cells look alike; save i
 EMPTY_BY_TABS = re.compile(r"\t *\t|^ *\t")
 FIRST_CELLS = 3
 """Cells of a row among which one names its kind, as after a time."""
+LABELLED = re.compile(r"[A-Za-z]\w*(?: ?=|:)\s*[(\[]?[-+.\d]+")
+"""A number with its name before it."""
 CLOCK = re.compile(r"\d:\d\d")
 """What a cell that holds a time of day has."""
 
@@ -79,7 +81,9 @@ def find(path: Path, lines: Sequence[str], names: Sequence[str], skip: int | Non
     if mismatch is not None:
         raise mismatch.error(path, option)
     if not names:
-        raise InputError(f"{path}: no header above rows of numbers; {_shown(lines, skip)} ({why_no_table(lines, option)})")
+        row = _labelled(lines)
+        shown = _shown(lines, skip if row is None else row)
+        raise InputError(f"{path}: no header above rows of numbers; {shown} ({why_no_table(lines, option)})")
     where = "no line" if skip is None else f"row {skip + 1}"
     raise InputError(
         f"{path}: {where} names the columns {', '.join(dict.fromkeys(names))}; {_shown(lines, skip)} "
@@ -108,6 +112,9 @@ def find_rows(
     if several := several_kinds(lines):
         raise InputError(f"{path}: no row of {len(columns)} cells with numbers: {several}")
     named = ", ".join(dict.fromkeys(names or columns))
+    if (row := _labelled(lines)) is not None:
+        shown = f"{_shown(lines, row)} ({why_no_table(lines, option)})"
+        raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {shown}")
     most = counted.most_common(1)
     other = f"most rows have {most[0][0]} cells: name as many; " if most and most[0][1] and most[0][0] != len(columns) else ""
     raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {other}{_shown(lines, skip)}")
@@ -158,9 +165,22 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
     cells = max((_cells(last, separator) for separator in SEPARATORS), key=len)
     if sum(re.fullmatch(r"[-+]?0[xX][0-9a-fA-F]+", cell) is not None for cell in cells) > 1:
         return "hexadecimal numbers are not read; write decimal ones"
-    if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[(\[]?[-+.\d]+", last):
+    if (row := _labelled(lines)) is not None and (labelled := re.search(LABELLED, lines[row])):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
     return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+
+
+def _labelled(lines: Sequence[str]) -> int | None:
+    """The place of the last line whose cells hold names beside their numbers; None where there is none.
+
+    Lines of another kind may stand between, hence the last ones are looked at. A date with a time of day looks like one name.
+    """
+    for number in range(len(lines) - 1, max(-1, len(lines) - 1 - ROWS_LOOKED_AT), -1):
+        line = lines[number]
+        dated = CLOCK.search(line) is not None
+        if not is_comment(line, ",") and len(re.findall(LABELLED, line)) > dated:
+            return number
+    return None
 
 
 def several_kinds(lines: Sequence[str]) -> str:
