@@ -56,8 +56,9 @@ def test_beside_a_sure_name_no_improbable_effect_of_its_axis_is_suggested() -> N
 def test_an_effect_that_is_about_as_probable_as_not_is_suggested() -> None:
     likely, failing = candidate("drift", "reject", 1.5), candidate("warmup", "reject", 1.5, FAILED, signal=OTHER)
     unlikely = candidate("spin_up", "reject", -0.5, signal=OTHER)
-    assert decisions(likely, failing, unlikely) == {
-        "drift": ("suggest", ()), "warmup": ("reject", ()), "spin_up": ("reject", ()),
+    worse = candidate("thermal_lag", "reject", 1.5, gain=-0.5, signal=OTHER)
+    assert decisions(likely, failing, unlikely, worse) == {
+        "drift": ("suggest", ()), "warmup": ("reject", ()), "spin_up": ("reject", ()), "thermal_lag": ("reject", ()),
     }  # fmt: skip
 
 
@@ -113,7 +114,7 @@ def test_beside_a_sure_name_the_evidence_names_what_gains_beside_it(decision: st
     """Alone it may gain nothing, because the error of the sure one is larger."""
     known = candidate("drift", "add", 9.0), candidate("scale_nonlinearity", decision, 6.0, gain=-0.4)
     assert decisions(*known) == {"drift": ("add", ()), "scale_nonlinearity": ("add", ())}
-    assert decisions(*known, beside=lambda sure, others: []) == {"drift": ("add", ()), "scale_nonlinearity": ("suggest", ())}
+    assert decisions(*known, beside=lambda sure, others: []) == {"drift": ("add", ()), "scale_nonlinearity": (decision, ())}
     assert decisions(known[0], replace(known[1], checks=FAILED))["scale_nonlinearity"] == (decision, ())
 
 

@@ -189,9 +189,10 @@ def _without_echoes(candidates: Sequence[Candidate], hints: Set[tuple[str, str]]
 
 
 def _likely(c: Candidate) -> Candidate:
-    """The candidate, suggested if it is about as probable as not and passes its checks, whatever the tests make of it."""
+    """The candidate, suggested if it is about as probable as not, passes its checks and predicts held-out data no worse."""
     likely = c.probability is not None and c.probability >= POLICY.likely_hint and c.checks is not None
-    return replace(c, decision="suggest") if c.decision == "reject" and likely and not c.contradicted and in_range(c) else c
+    possible = not c.contradicted and in_range(c) and (c.gain is None or c.gain > 0.0)
+    return replace(c, decision="suggest") if c.decision == "reject" and likely and possible else c
 
 
 def _outdoes(other: Candidate, c: Candidate) -> bool:
