@@ -129,6 +129,8 @@ def judge(job: Job) -> Row:
             for told, candidate in zip(answer["candidates"], found.candidates, strict=True):
                 told["log_odds"] = candidate.log_odds
                 told["by_tests"] = by_tests[candidate.effect.id, candidate.axis]
+            for told, one in zip(answer["alternatives"], found.alternatives, strict=True):
+                told["log_odds"] = one.found.log_odds
         except Exception as error:
             row["error"] = f"{type(error).__name__}: {error}"
         seconds = time.process_time() - begun

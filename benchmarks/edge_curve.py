@@ -16,6 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -28,6 +29,7 @@ EDGES = (-14.0, -4.0, -2.2, -0.85, 0.0, 1.4, 2.2, 4.6, 10.0, np.inf)
 MOST = 20.0
 """Log odds beyond this count as this in the means."""
 LEADS = 0.0
+LIKELY_NOISE = 0.3
 Knots = list[tuple[float, float]]
 
 
@@ -95,6 +97,31 @@ def unnamed(today: Sequence[Row]) -> list[bool]:
     return found
 
 
+def of_noise(rows: Sequence[Row]) -> list[tuple[float, bool]]:
+    """The log odds of noise alone on each axis of which they are told, and whether nothing acts there."""
+    found = []
+    for row in rows:
+        truth, told = row["truth"], row.get("alternatives") or []
+        acts = {axis for _, axis in truth["right"]} | ({truth["disturbance"]["axis"]} if truth["disturbance"] else set())
+        for one in told:
+            if not one["effects"] and not one["unnamed"] and "log_odds" in one:
+                found.append((float(one["log_odds"]), one["axis"] not in acts))
+    return found
+
+
+def noise_alone(rows: Sequence[Row]) -> tuple[float, float]:
+    """The likeliest addition to the log odds of noise alone, and the lower 95 % bound of the share among the likely ones."""
+    odds, true = (np.array(column) for column in zip(*of_noise(rows), strict=True))
+
+    def cost(added: float) -> float:
+        sign = np.where(true, -1.0, 1.0)
+        return float(np.logaddexp(0.0, sign * (odds + added)).sum())
+
+    likely = true[odds >= LIKELY_NOISE]
+    bound = edge_table.upper(int((~likely).sum()), likely.size)
+    return round(float(minimize_scalar(cost).x), 2), 0.0 if bound is None else round(1 - bound, 3)
+
+
 def main() -> None:
     rows = [row for path in sys.argv[1:] for row in edge_table.read(Path(path))]
     knots, failed = curve(rows)
@@ -106,6 +133,9 @@ def main() -> None:
     kept, taken = named(today)
     bound = edge_table.upper(kept.count(False), len(kept))
     print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
+    if of_noise(rows):
+        added, most = noise_alone(rows)
+        print(f"NOISE, MOST_NOISE = {added}, {most}")
     refused = unnamed(today)
     print(f"UNNAMED = {round(sum(refused) / max(len(refused), 1), 3)}")
     print(f"effects of which the evidence is sure, without a sure name: {sum(refused)} of {len(refused)} true")

@@ -15,7 +15,7 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.base import effect
 from gyrocal.evidence.answer import Alternative
 from gyrocal.evidence.checked import Checks
-from gyrocal.evidence.curve import KNOTS
+from gyrocal.evidence.curve import KNOTS, of_noise
 
 PASSED, FAILED = Checks(0.9, 0.4), Checks(0.9, 1e-6)
 WAVE, OTHER = np.sin(np.linspace(0, 9, 40)), np.cos(np.linspace(0, 9, 40))
@@ -176,6 +176,14 @@ def test_sets_are_together_no_more_probable_than_an_effect_that_they_hold() -> N
     with_it = [one.probability for one in told_sets(sets, [rather, likely]) if "drift" in one.found.effects]
     assert rather.probability is not None
     assert sum(with_it) == pytest.approx(rather.probability)
+
+
+def test_sets_with_something_in_them_have_what_noise_alone_leaves() -> None:
+    sets = [OnAxis.of("z", Alternative((), (), 0.6)), OnAxis.of("z", Alternative((), ("time",), 0.35))]
+    noise, something, drift = told_sets([*sets, OnAxis("z", Alternative(("drift",), (), 0.05), 0.2)], [])
+    assert noise.probability == of_noise(noise.found.log_odds) > 0.8
+    assert noise.probability + something.probability + drift.probability == pytest.approx(1.0)
+    assert something.probability < sets[1].probability
 
 
 class _Compared:

@@ -84,3 +84,22 @@ def test_results_of_an_earlier_version_are_decided_by_today_s_limits() -> None:
     ]  # fmt: skip
     found = edge_table.decided_today({"candidates": stays + falls})
     assert [name for name, _ in edge_table.sure(found)] == ["drift", "quantization", "lag"]
+
+
+def test_noise_alone_is_more_probable_than_its_log_odds_and_no_more_than_was_proved() -> None:
+    found = [told.of_noise(log_odds) for log_odds in np.linspace(-20, 40, 101)]
+    assert np.all(np.diff(found) >= 0)
+    assert found[-1] == told.MOST_NOISE
+    assert told.of_noise(-told.NOISE) == pytest.approx(0.5)
+
+
+def test_the_addition_to_noise_alone_is_found_again_from_draws_with_it() -> None:
+    rng, rows = np.random.default_rng(1), []
+    for log_odds in rng.normal(0, 2, 4000).tolist():
+        acts = rng.random() > 1 / (1 + np.exp(-(log_odds + 0.8)))
+        alternative = {"axis": "z", "effects": [], "unnamed": [], "log_odds": log_odds}
+        truth = {"right": [["drift", "z"]] if acts else [], "disturbance": None}
+        rows.append({"truth": truth, "alternatives": [alternative]})
+    added, most = edge_curve.noise_alone(rows)
+    assert added == pytest.approx(0.8, abs=0.15)
+    assert 0.75 < most < 0.95

@@ -7,6 +7,10 @@ Of those that fail a check, whatever their evidence, the share :data:`FAILED` wa
 :data:`NAMED` is. Of the others of which the evidence is sure, but not held-out data, the share :data:`UNNAMED` was true. All
 come from ``python benchmarks/edge_curve.py FROZEN.jsonl...``, which pools neighbours until the shares rise; the last knot and
 :data:`NAMED` are lower 95 % bounds, and nothing above them is stated.
+
+Noise alone is more probable than its log odds say: half of all axes were expected to hold an effect, and most hold none. On the
+sessions of the calibration part, :data:`NOISE` is the likeliest addition to its log odds, and :data:`MOST_NOISE` the lower 95 %
+bound of the share of true ones among the likely ones.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ KNOTS = (
 FAILED = 0.293
 NAMED = 0.952
 UNNAMED = 0.481
+NOISE = 1.24
+MOST_NOISE = 0.876
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:
@@ -46,6 +52,13 @@ def of_set(log_odds: float) -> float:
     """The probability to be told of a set of effects of these log odds."""
     known, shares = np.transpose(KNOTS)
     return float(np.interp(log_odds, known, shares))
+
+
+def of_noise(log_odds: float) -> float:
+    """The probability to be told of noise alone, which has these log odds."""
+    from scipy.special import expit
+
+    return min(float(expit(log_odds + NOISE)), MOST_NOISE)
 
 
 def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:

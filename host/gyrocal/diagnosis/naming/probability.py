@@ -23,7 +23,7 @@ from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
-from gyrocal.evidence.curve import beyond, of_set
+from gyrocal.evidence.curve import beyond, of_noise, of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 from gyrocal.variables.time import Time
@@ -43,7 +43,7 @@ class OnAxis:
     @staticmethod
     def of(axis: str, found: Alternative) -> OnAxis:
         """With the probability that the curve gives the set by itself."""
-        return OnAxis(axis, found, of_set(found.log_odds))
+        return OnAxis(axis, found, of_noise(found.log_odds) if found.noise_alone else of_set(found.log_odds))
 
     def to_json(self) -> dict[str, Any]:
         found = self.found
@@ -84,7 +84,8 @@ def with_probabilities(
 def told_sets(sets: Sequence[OnAxis], candidates: Sequence[Candidate]) -> list[OnAxis]:
     """The sets that have a probability worth telling beside the stated ones of the ``candidates``, best first.
 
-    The sets that hold an effect are together no more probable than the effect is said to be.
+    The sets that hold an effect are together no more probable than the effect is said to be, and all sets with something in
+    them no more than what noise alone leaves.
     """
     stated = {(c.effect.id, c.axis): c.probability for c in candidates if c.probability is not None}
     sums: dict[tuple[str, str], float] = {}
@@ -96,9 +97,25 @@ def told_sets(sets: Sequence[OnAxis], candidates: Sequence[Candidate]) -> list[O
         keys = ((effect, one.axis) for effect in one.found.effects)
         return min((min(1.0, stated[key] / sums[key]) for key in keys if key in stated), default=1.0)
 
-    told = [replace(one, probability=one.probability * part(one)) for one in sets]
+    told = _beside_noise([replace(one, probability=one.probability * part(one)) for one in sets])
     axes = list(dict.fromkeys(one.axis for one in sets))
     return sorted((one for one in told if one.probability >= TOLD), key=lambda one: (axes.index(one.axis), -one.probability))
+
+
+def _beside_noise(sets: Sequence[OnAxis]) -> list[OnAxis]:
+    """The sets of each axis, those with something in them with no more than noise alone leaves together."""
+    noise = {one.axis: one.probability for one in sets if one.found.noise_alone}
+    others: dict[str, float] = {}
+    for one in sets:
+        if not one.found.noise_alone:
+            others[one.axis] = others.get(one.axis, 0.0) + one.probability
+
+    def left(one: OnAxis) -> OnAxis:
+        room = 1 - noise.get(one.axis, 0.0)
+        too_much = not one.found.noise_alone and others[one.axis] > room
+        return replace(one, probability=one.probability * room / others[one.axis]) if too_much else one
+
+    return [left(one) for one in sets]
 
 
 def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Finding]:
