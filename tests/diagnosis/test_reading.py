@@ -9,7 +9,7 @@ import pytest
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.decision import proven
+from gyrocal.diagnosis.naming.decision import proven, without_unphysical
 from gyrocal.diagnosis.residual.reading_tests import _never, reading_fault
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model, Term
@@ -39,6 +39,16 @@ def test_a_fault_without_a_sure_gain_needs_codes_beyond_doubt() -> None:
     assert not proven(weak, tested=60)
     assert proven(replace(weak, chance=1e-12), tested=60)
     assert proven(replace(weak, gain=9.0), tested=60)
+
+
+def test_a_grid_that_the_codes_show_is_there_however_little_it_lets_predict() -> None:
+    """Nine values in 26 000 readings, and a step nine times the noise: a held-out loss of 2747 had made it a rejected one."""
+    grid = Candidate(effect("quantization"), "y", "suggest", {"lsb_dps": 1.952}, gain=-2747.0, gain_se=900.0, chance=1e-300)
+    assert proven(grid, tested=60)
+    assert without_unphysical([grid])[0].decision == "suggest"
+    loss = Candidate(effect("saturation"), "y", "suggest", {"full_scale_dps": 0.61}, gain=-2747.0, gain_se=900.0, chance=1e-300)
+    assert not proven(loss, tested=60)
+    assert without_unphysical([loss])[0].decision == "reject"
 
 
 def stuck(session: Session, bit: int, state: int) -> Session:

@@ -52,7 +52,7 @@ def without_unphysical(candidates: Sequence[Candidate]) -> list[Candidate]:
     """
 
     def unlikely(c: Candidate) -> bool:
-        worse = c.gain is not None and c.gain_se is not None and c.gain < -c.gain_se
+        worse = c.gain is not None and c.gain_se is not None and c.gain < -c.gain_se and not _grid(c)
         return c.contradicted or worse or not in_range(c)
 
     return [replace(c, decision="reject", group=()) if c.decision == "suggest" and unlikely(c) else c for c in candidates]
@@ -100,8 +100,14 @@ def proven(c: Candidate, tested: int) -> bool:
     better = sure_gain(c)
     if c.effect.fault_of(c.values):
         shown = c.chance < POLICY.shown_by_codes
-        better = better or (shown and c.gain is not None and c.gain >= -POLICY.reading_loss)
+        better = better or _grid(c) or (shown and c.gain is not None and c.gain >= -POLICY.reading_loss)
     return better and c.chance * tested < POLICY.name_alarm
+
+
+def _grid(c: Candidate) -> bool:
+    """True if the codes show a grid: it is there, however little a step that hides the noise leaves to predict."""
+    fault = c.effect.fault_of(c.values)
+    return fault is not None and fault.step_dps(c.values) > 0 and c.chance < POLICY.shown_by_codes
 
 
 def sure_gain(c: Candidate) -> bool:
