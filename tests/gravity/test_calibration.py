@@ -169,6 +169,16 @@ def test_too_few_rests_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     assert "rests found" in capsys.readouterr().err
 
 
+def test_seconds_that_hold_too_few_rests_are_told_beside_those_that_answer(parts: Parts) -> None:
+    session, _, whole = parts[0]
+    both = calibrate(session, [3.0, None])
+    assert [e.scale for e in both.estimates] == [e.scale for e in whole.estimates]
+    (told,) = [w for w in both.warnings if w.code == "no_answer" and w.axis is None]
+    assert told.text.startswith("nothing from the first 3 s: ")
+    with pytest.raises(InputError, match="rest"):
+        calibrate(session, [3.0, 4.0])
+
+
 def test_readings_in_rad_s_are_refused_with_what_to_do(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     session, _ = simulate(campaign="hands", scenarios=8)
     run = session.runs[0]

@@ -54,7 +54,8 @@ def calibrate(
 ) -> Calibration:  # fmt: skip
     """Scale and bias of each scenario, or of all together (scenario ``all``) if none has enough rests by itself.
 
-    Raises InputError for methods other than ``model``, and if there are too few rests.
+    Of several ``seconds``, those that hold too few rests are told as ``no_answer``. Raises InputError for methods other than
+    ``model``, and if all of them hold too few.
     """
     other = [m for m in (methods or ()) if m != "model"]
     if other:
@@ -66,15 +67,24 @@ def calibrate(
     spans: Sequence[float | None] = seconds or (None,)
     estimates: list[Estimate] = []
     fits: dict[str, GravityFit] = {}
+    refused: InputError | None = None
     for span in spans:
         if span is not None and not 0 < span < np.inf:
             raise InputError(f"--seconds {span}: must be positive and finite")
         cut = [r if span is None else (r.first(span) or r) for r in session.runs]
-        found = _by_scenario(session.with_runs(cut), opened)
+        try:
+            found = _by_scenario(session.with_runs(cut), opened)
+        except InputError as error:
+            refused = error
+            of = "whole runs" if span is None else f"the first {span:g} s"
+            warnings.append(Warning("no_answer", None, None, f"nothing from {of}: {error}"))
+            continue
         fits.update(found)
         for name, fitted in found.items():
             warnings += [w for w in fitted.scene.warnings if w not in warnings]
             estimates += [_estimate(fitted, name, axis, warnings) for axis in AXES]
+    if refused is not None and not fits:
+        raise refused
     last = next(iter(fits.values()))
     return Calibration(estimates, fits, [*warnings, *_unseen(last)])
 
