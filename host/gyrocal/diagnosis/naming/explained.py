@@ -93,7 +93,7 @@ def _within_cycles(fitted: AxisFit, signal: Array) -> float:
         return 0.0
     weight = np.sqrt(np.concatenate([b.n for b in fitted.design.blocks]))
     cycle = np.repeat(np.unique(fitted.design.scenarios, return_inverse=True)[1], fitted.design.n_blocks)
-    mean = np.bincount(cycle, signal * weight) / np.bincount(cycle, weight**2)
+    mean = np.bincount(cycle, signal * weight) / np.maximum(np.bincount(cycle, weight**2), np.finfo(np.float64).tiny)
     return float(np.sum((signal - mean[cycle] * weight) ** 2))
 
 
