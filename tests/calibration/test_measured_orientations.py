@@ -43,9 +43,12 @@ def tracked(noise_deg: float, seed: int, *, bent: float = 0.0) -> Session:
     return make_session(make_run(t_s, gyro_dps, table_rate_dps=None, **columns))
 
 
-@pytest.mark.parametrize(("noise_deg", "seed"), [pytest.param(0.02, 1, marks=pytest.mark.wide), (0.1, 2)])
+@pytest.mark.parametrize(("noise_deg", "seed"), [pytest.param(0.02, 1, marks=pytest.mark.wide), (0.1, 2), (0.02, 13)])
 def test_the_noise_of_orientations_is_no_misfit_of_a_sound_session(noise_deg: float, seed: int) -> None:
-    """The misfit held a smooth slope's noise against its small differences from sample to sample, and was 1.2 to 3.2."""
+    """The misfit held a smooth slope's noise against its small differences from sample to sample, and was 1.2 to 3.2.
+
+    What the spline had taken from the motion at its ends and turning points was against the rate by 13 standard errors.
+    """
     session = tracked(noise_deg, seed)
     found = calibrate(session)
     assert [e.axis for e in found] == ["x", "y", "z"]
@@ -56,7 +59,9 @@ def test_the_noise_of_orientations_is_no_misfit_of_a_sound_session(noise_deg: fl
         assert e.scale is not None
         assert e.scale_se is not None
         assert abs(e.scale - scale) < 4 * e.scale_se
-    for level in measure(session).per_axis.values():
+    found_again = measure(session)
+    assert found_again.verdict == "adequate"
+    for level in found_again.per_axis.values():
         assert level.rms_dps == pytest.approx(level.floor_dps, rel=0.02)
 
 

@@ -117,8 +117,9 @@ def _beyond_color(current: AxisFit) -> tuple[float, float]:
 def noise_of_means(current: AxisFit, seconds: float) -> float:
     """Standard deviation of one sample's noise as means over some ``seconds`` show it, deg/s.
 
-    Above ``LOWEST_HZ`` it is that of the residuals without lines, below that of the fit, or of the residuals if they have less:
-    more is there drift or a misfit.
+    Above ``LOWEST_HZ`` it is that of the residuals without lines, below that of the fit, or of the residuals if they have
+    less: more is there drift or a misfit. Beside a measured angle it is that of the smooth rate, which is less than that of the
+    angles at the ends of blocks, with which the fit works.
     """
     angle, power = _without_lines(current)
     if angle.size < BANDS * LEAST_IN_BAND:
@@ -127,7 +128,22 @@ def noise_of_means(current: AxisFit, seconds: float) -> float:
     power = np.where(slow, modelled * min(1.0, float(power[slow].sum() / modelled[slow].sum())), power)
     turns = angle / (2 * np.pi)
     passed = (np.sinc(turns * seconds / BLOCK_S) / np.sinc(turns)) ** 2
-    return float(np.sqrt((power * passed).sum() / passed.sum() * _usual_level(current)))
+    level = float(np.sqrt((power * passed).sum() / passed.sum() * _usual_level(current)))
+    return level * _smoothed_part(current, int(np.ceil(seconds / BLOCK_S))) if of_angle(current) else level
+
+
+def _smoothed_part(current: AxisFit, blocks: int) -> float:
+    """How much the means of residuals over some ``blocks`` scatter against the smooth rate, over that against the angles."""
+    powers = []
+    for i, b in enumerate(current.design.blocks):
+        several = b.t_s.size // max(blocks, 1) * max(blocks, 1)
+        if several and not b.run.rate_is_mean:
+            axis = current.design.axis
+            smooth = b.mean((b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b))[:, None])[:, 0]
+            pair = (smooth, current.block_residuals(i))
+            powers.append([several * float(np.var(r[:several].reshape(-1, max(blocks, 1)).mean(axis=1))) for r in pair])
+    smooth_power, power = np.sum(powers, axis=0) if powers else (1.0, 1.0)
+    return min(1.0, float(np.sqrt(smooth_power / max(power, 1e-300))))
 
 
 def _usual_level(current: AxisFit) -> float:
