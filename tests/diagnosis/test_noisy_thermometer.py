@@ -8,7 +8,7 @@ from gyrocal.simulation.simulate import simulate
 from known import ON_Z
 
 
-def test_a_candidate_that_no_held_out_fit_can_solve_has_no_gain_and_is_not_named() -> None:
+def test_a_candidate_whose_column_is_mostly_noise_is_not_named() -> None:
     simulated, _ = simulate(None, "swing", ["lag:tau_s=0.012"], 1, scenarios=1, seconds=60.0)
     table = simulated.runs[0].table.gather_every(2).select("t_s", "gx_dps", "gy_dps", "gz_dps", "temp_c", "rate_ref_dps")
     found = diagnose(Session.from_frames([table], [{"face": "up"}]), ON_Z)
@@ -17,5 +17,4 @@ def test_a_candidate_that_no_held_out_fit_can_solve_has_no_gain_and_is_not_named
     assert found.verdict == "add"
     assert all(c.gain is None or math.isfinite(c.gain) for c in found.candidates)
     thermal = next(c for c in found.candidates if c.effect.id == "bias_temperature")
-    assert thermal.gain is None
     assert thermal.decision != "add"

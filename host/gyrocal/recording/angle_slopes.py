@@ -22,7 +22,7 @@ TRIMMED = 5
 """Samples at each end of a stretch of angles whose slope is not relied on, at the least."""
 STRAIGHT = 10.0
 """Nearer than this to an end, in its own widths, the spline is too straight, because its second derivative is zero there."""
-LONGEST_END = 0.05
+LONGEST_END = 0.02
 """Part of a stretch at each end whose slope is not relied on, at the most. In short stretches the spline is narrower."""
 GAP_STEPS = 3.5
 """An angle that is missing for more of its usual steps than this gives no rate in between."""
