@@ -135,7 +135,7 @@ def main() -> None:
     print(f"NAMED = {0.0 if bound is None else round(1 - bound, 3)}")
     if of_noise(rows):
         added, most = noise_alone(rows)
-        print(f"NOISE, MOST_NOISE = {added}, {most}")
+        print(f"NOISE, SUREST_NOISE = {added}, {most}")
     refused = unnamed(today)
     print(f"UNNAMED = {round(sum(refused) / max(len(refused), 1), 3)}")
     print(f"effects of which the evidence is sure, without a sure name: {sum(refused)} of {len(refused)} true")

@@ -89,7 +89,7 @@ def test_results_of_an_earlier_version_are_decided_by_today_s_limits() -> None:
 def test_noise_alone_is_more_probable_than_its_log_odds_and_no_more_than_was_proved() -> None:
     found = [told.of_noise(log_odds) for log_odds in np.linspace(-20, 40, 101)]
     assert np.all(np.diff(found) >= 0)
-    assert found[-1] == told.MOST_NOISE
+    assert found[-1] == told.SUREST_NOISE
     assert told.of_noise(-told.NOISE) == pytest.approx(0.5)
 
 

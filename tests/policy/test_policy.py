@@ -41,7 +41,7 @@ NO_THRESHOLDS = {
     "LEFT_BETWEEN", "LEAST_CHI2", "LEAST_OF_NOISE",  # of the computation of the evidence
     "FREE",  # a spread at which each power cycle has its own bias
     "ALIASES",  # images of a frequency
-    "KNOTS", "FAILED", "NAMED", "UNNAMED", "NOISE", "MOST_NOISE",  # measured shares of true names
+    "KNOTS", "FAILED", "NAMED", "UNNAMED", "NOISE", "SUREST_NOISE",  # measured shares of true names
 }
 """Numbers of the layers that judge that are no thresholds."""
 JUDGES = [

@@ -9,8 +9,8 @@ come from ``python benchmarks/edge_curve.py FROZEN.jsonl...``, which pools neigh
 :data:`NAMED` are lower 95 % bounds, and nothing above them is stated.
 
 Noise alone is more probable than its log odds say: half of all axes were expected to hold an effect, and most hold none. On the
-sessions of the calibration part, :data:`NOISE` is the likeliest addition to its log odds, and :data:`MOST_NOISE` the lower 95 %
-bound of the share of true ones among the likely ones.
+sessions of the calibration part, :data:`NOISE` is the likeliest addition to its log odds, and :data:`SUREST_NOISE` the lower
+95 % bound of the share of true ones among the likely ones.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FAILED = 0.293
 NAMED = 0.952
 UNNAMED = 0.481
 NOISE = 1.24
-MOST_NOISE = 0.876
+SUREST_NOISE = 0.876
 
 
 def supported(log_odds: float, checks: Checks | None, gain: float | None, gain_se: float | None) -> bool:
@@ -58,7 +58,7 @@ def of_noise(log_odds: float) -> float:
     """The probability to be told of noise alone, which has these log odds."""
     from scipy.special import expit
 
-    return min(float(expit(log_odds + NOISE)), MOST_NOISE)
+    return min(float(expit(log_odds + NOISE)), SUREST_NOISE)
 
 
 def stated(log_odds: float, checks: Checks | None = None, named: bool = False) -> float:

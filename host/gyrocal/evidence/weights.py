@@ -112,6 +112,15 @@ class Scales:
         each = float(np.log(LEFT_OVER / len(shapes) / len(AMPLITUDES)))
         return [Rest(k, size * self.matrix.second_dps, each) for k in shapes for size in AMPLITUDES]
 
+    @cached_property
+    def _noise_power(self) -> Array:
+        """What noise adds to the square of each column in each state, as whitening leaves it, shape [s, q]."""
+        power, noises = self.matrix.noise_power, self.states.noises
+        if not power.any():
+            return np.zeros((len(noises), power.shape[1]))
+        of_noise = {noise: self.matrix.design.left_white(noise) @ power / noise.white_sd_dps**2 for noise in set(noises)}
+        return np.array([of_noise[noise] for noise in noises])
+
     def sd(self, option: int, size: int) -> Array:
         """Standard deviations of an option's coefficients at one of the sizes, in units of its columns, shape [k]."""
         return self._sds[option][size]
@@ -293,11 +302,9 @@ class Scales:
 
     def _of_noise(self, state: int, at: Index, sd: Array) -> float:
         """The logarithm of what a set loses because the noise of its measured columns adds to the misfit, with fitted sizes."""
-        noise = self.states.noises[state]
-        power = self.matrix.noise_power[:, at] / noise.white_sd_dps**2
+        power = self._noise_power[state, at]
         if not power.any():
             return 0.0
-        power = self.matrix.design.left_white(noise) @ power
         found = self._expected(state, at, sd)
         chi2 = float(_conditioned(self.states.products[state], at, sd)[0][0, 0])
         without = max(chi2 - float(power @ found**2), LEAST_OF_NOISE * chi2)

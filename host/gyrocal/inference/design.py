@@ -257,7 +257,8 @@ class Design:
         self.column_noise = noise[:, kept]
         self.noise_products = self._noise_products(fixed, len(run))
         if self.noise_products.any():
-            self._limit(self.noise_products, sum((s.gram.sum(axis=0) for s in summed), np.zeros((1, 1))), 1 + len(fixed))
+            own = 1 + np.flatnonzero(kept)
+            self._limit(self.noise_products, gram[np.ix_(own, own)])
             summed = [s.less(self.noise_products[index]) for index, s in zip(self.alike, summed, strict=True)]
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
@@ -280,10 +281,13 @@ class Design:
         return [(i, of_rate) for i, (of_rate, of_terms) in known if of_rate is not None or any(n is not None for n in of_terms)]
 
     @staticmethod
-    def _limit(products: Array, gram: Array, q: int) -> None:
-        """Limit what noise adds to the ``products`` [runs, q, q] of ``[y | fixed]`` in place; ``gram`` is that of all runs."""
-        own = slice(1, q)
-        part = part_taken(gram[own, own], products[:, own, own].sum(axis=0))
+    def _limit(products: Array, gram: Array) -> None:
+        """Limit what noise adds to the ``products`` [runs, q, q] of ``[y | fixed | run]`` in place.
+
+        ``gram`` [p, p] is that of the fixed columns in all runs.
+        """
+        own = slice(1, 1 + len(gram))
+        part = part_taken(gram, products[:, own, own].sum(axis=0))
         if part is not None:
             products[:, own, own] = part @ products[:, own, own] @ part.T
             products[:, 0, own] = products[:, 0, own] @ (part @ part).T

@@ -136,12 +136,10 @@ def _smoothed_part(current: AxisFit, blocks: int) -> float:
     """How much the means of residuals over some ``blocks`` scatter against the smooth rate, over that against the angles."""
     powers = []
     for i, b in enumerate(current.design.blocks):
-        several = b.t_s.size // max(blocks, 1) * max(blocks, 1)
+        several = b.t_s.size // blocks * blocks
         if several and not b.run.rate_is_mean:
-            axis = current.design.axis
-            smooth = b.mean((b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b))[:, None])[:, 0]
-            pair = (smooth, current.block_residuals(i))
-            powers.append([several * float(np.var(r[:several].reshape(-1, max(blocks, 1)).mean(axis=1))) for r in pair])
+            pair = (b.mean(_residual_dps(current, b)[:, None])[:, 0], current.block_residuals(i))
+            powers.append([several * float(np.var(r[:several].reshape(-1, blocks).mean(axis=1))) for r in pair])
     smooth_power, power = np.sum(powers, axis=0) if powers else (1.0, 1.0)
     return min(1.0, float(np.sqrt(smooth_power / max(power, 1e-300))))
 
@@ -210,7 +208,7 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     design, axis = current.design, current.design.axis
     residuals = []
     for b in design.blocks:
-        y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b)
+        y_dps = _residual_dps(current, b)
         rows, apart_dps = b.strays[axis]
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)
@@ -222,6 +220,12 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     blocks = [replace(b, weight=usual / p) for b, p in zip(design.blocks, power, strict=True)]
     heavier = design.over(blocks)
     return fit_noise(heavier, start=with_noise(heavier, current.noise, current.spreads))
+
+
+def _residual_dps(current: AxisFit, b: Blocks) -> Array:
+    """What a run reads beside the true rate and the terms that all runs share, at each sample, shape [n], deg/s."""
+    axis = current.design.axis
+    return np.asarray(b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b))
 
 
 def _explained_dps(current: AxisFit, b: Blocks) -> Array:

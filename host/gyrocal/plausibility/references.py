@@ -92,10 +92,9 @@ def _hardly_turned(session: Session) -> list[Warning]:
         own_dps, others_dps = (float(np.sqrt(np.sum(part**2) / len(beside))) for part in (alone, beside))
         text = (
             f"the sensor hardly turns about {axis} ({own_dps:.2g} dps rms beside its turns about the other axes, of "
-            f"{others_dps:.3g}). If the "
-            f"reference's axes bend against the sensor's by {np.rad2deg(POLICY.leak):.1g} deg while it turns, the scale of "
-            f"{axis} is wrong by {min(error, 1.0):.0%}, which its standard error does not contain. Turn the sensor about "
-            f"{axis} too, or do not use this scale"
+            f"{others_dps:.3g}). If the reference's axes bend against the sensor's by {np.rad2deg(POLICY.leak):.1g} deg "
+            f"while it turns, the scale of {axis} is wrong by {min(error, 1.0):.0%}, which its standard error does not "
+            f"contain. Turn the sensor about {axis} too, or do not use this scale"
         )
         out.append(Warning("hardly_turned", axis, None, text))
     return out

@@ -117,8 +117,8 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         if piece.size <= 2 * trimmed:
             continue
-        smooth = (smooth_by(at_s, a, width, FAITHFUL_TIMES) for a, width in zip(angle_deg.T, widths, strict=True))
-        curves = np.column_stack(list(smooth))
+        pairs = zip(angle_deg.T, widths, strict=True)
+        curves = np.column_stack([smooth_by(at_s, a, width, FAITHFUL_TIMES) for a, width in pairs])
         slopes = CubicSpline(at_s, curves)
         inner = slice(trimmed, piece.size - trimmed)
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
