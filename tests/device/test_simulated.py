@@ -14,7 +14,7 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.device import rows, wire
 from gyrocal.device import simulated as device
-from gyrocal.device.port import Link, PortGone
+from gyrocal.device.port import Link, PortGone, SerialPort
 from gyrocal.device.wire import Sentence
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Session
@@ -128,6 +128,32 @@ def test_a_reader_who_comes_back_at_once_is_told_that_the_device_replays(session
             with Link(simulated.port) as link:
                 link.greet()
                 assert link.replays
+
+
+def test_whatever_a_reader_loses_at_first_an_answered_hello_came_with_the_note(session: Session) -> None:
+    """The bytes that lay in the port when a reader opened it are lost, and the end of an earlier reader's answer may follow."""
+
+    class Said(SerialPort):
+        def __init__(self, rest: bytes) -> None:
+            self.rest = rest
+
+        def read(self) -> bytes:
+            return self.rest
+
+        def close(self) -> None:
+            pass
+
+    with device.SimulatedDevice(session, hold=True, stream="off") as simulated:
+        port = SerialPort(simulated.port)
+        answer = b""
+        port.write(b"hello\n")
+        while b"$HEL" not in answer[answer.find(b",cmd=hello") :] or not answer.endswith(b"\n"):
+            answer += port.read()
+        port.close()
+    for lost in range(len(answer)):
+        with Link("cut", opener=lambda *_, rest=answer[lost:]: Said(rest)) as link:
+            link.receive()
+            assert link.replays or not link.answered, answer[lost:]
 
 
 def test_commands_reach_the_core_through_the_port(session: Session) -> None:

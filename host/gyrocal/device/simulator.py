@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import subprocess
 import time
@@ -23,9 +24,10 @@ DEFAULT_BUS = "i2c"
 WITH_FIFO = ("LSM6DSO", "LSM6DSR", "LSM6DSV", "BMI")
 """How the names of sensors begin whose FIFO the firmware uses."""
 WITHOUT_SPI = "MPU-6050"
-HELLO_TAKEN = b",cmd=hello"
-"""What the answer to a hello holds. Before each, a reader is told that the device replays: of a reader who closes the port and
-opens it again at once, the port tells nothing."""
+HELLO_TAKEN = re.compile(rb",cmd=hello[^\n]*\n")
+"""The end of what acknowledges a hello. A reader is told that the device replays after each: of a reader who closes the
+port and opens it again at once, the port tells nothing. What it then loses are the first bytes, and without the acknowledgement
+it asks again."""
 
 
 def sim_command(
@@ -204,8 +206,8 @@ def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, sto
         if not pending:
             ready = select.select([sim.fd for sim in going], [], [], 0)[0]
             pending = b"".join(sim.read() for sim in going if sim.fd in ready)
-            if replays and HELLO_TAKEN in pending:
-                pending = f"# {REPLAY_NOTE}\n".encode() + pending
+            if replays:
+                pending = HELLO_TAKEN.sub(rb"\g<0># %s\n" % REPLAY_NOTE.encode(), pending)
             going = [sim for sim in going if not sim.ended]
 
 
