@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from gyrocal.effects.base import effect
+from gyrocal.effects.bias_jumps import outliers_of
 from gyrocal.effects.reading_fault import Detected
+from gyrocal.effects.single_bits import single_power
 from gyrocal.recording.session import Run
 from make_runs import make_run
 
@@ -17,13 +19,13 @@ Codes = np.ndarray[Any, np.dtype[np.int64]]
 Fault = Callable[[Codes, np.random.Generator], Codes]
 
 
-def runs(fault: Fault, seed: int, swing: bool = False) -> list[Run]:
+def runs(fault: Fault, seed: int, swing: bool = False, noise_dps: float = NOISE_DPS) -> list[Run]:
     """Ten runs of 12 s, at constant rates or in a swing, whose codes have a fault."""
     rng, made = np.random.default_rng(seed), []
     t_s = np.arange(1200) / 100
     for i, rate_dps in enumerate((0.0, 30.0, -30.0, 78.0, -78.0) * 2):
         rate = 60 * np.sin(2 * np.pi * 0.3 * t_s + i) if swing else np.full(t_s.size, rate_dps)
-        y = rng.normal(0.37 + 0.02 * i, NOISE_DPS, (t_s.size, 3)) + rate[:, None] * [0.003, -0.002, 1.004]
+        y = rng.normal(0.37 + 0.02 * i, noise_dps, (t_s.size, 3)) + rate[:, None] * [0.003, -0.002, 1.004]
         codes = np.rint(y / LSB_DPS).astype(np.int64)
         faulty = np.column_stack([fault(codes[:, axis], rng) for axis in range(3)]) * LSB_DPS
         known: dict[str, Any] = {"rate_ref_dps": rate} if swing else {"table_rate_dps": rate_dps}
@@ -58,6 +60,30 @@ def test_the_low_byte_of_the_sample_before_is_seen_in_motion() -> None:
     found = told(made, "byte_fault")
     assert found is not None
     assert found.values["bit"] >= 8
+    assert told(made, "bias_jumps") is None
+
+
+@pytest.mark.parametrize("swing", [False, True])
+@pytest.mark.parametrize("bit", [6, 8, 10])
+def test_a_flipped_bit_is_set_in_readings_too_large_and_cleared_in_those_too_small(bit: int, swing: bool) -> None:
+    made = runs(seldom(0.003, lambda c: c ^ 1 << bit), bit, swing)
+    found = told(made, "byte_fault")
+    assert found is not None
+    assert found.values["bit"] == bit
+    assert told(made, "bias_jumps") is None
+
+
+def test_low_bits_taken_for_a_signed_number_are_seen_in_few_readings() -> None:
+    """The noise crosses the border rarely, and by little: the low bits are in a small part of their range, on either side."""
+
+    def fault(codes: Codes, rng: np.random.Generator) -> Codes:
+        codes = codes - int(np.median(codes)) + rng.choice([21, -11])  # three standard deviations of the noise below a border
+        return codes - ((codes & 32) << 1)
+
+    made = runs(fault, 2, noise_dps=0.03)
+    number = sum(int(np.count_nonzero(outliers_of(r, 2))) for r in made)
+    assert 5 <= number < 19  # of as many as 19, one half of the low bits' range would show it
+    assert single_power(made, 2) == (6, number)
     assert told(made, "bias_jumps") is None
 
 

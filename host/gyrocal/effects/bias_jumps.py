@@ -244,7 +244,7 @@ class BiasJumps(OfEachRun, InWords):
     cause = (
         "The bias steps to a new value between two samples and stays there. A trapped charge or a stress in the "
         "package is released, a knock moves the mount, or the chip's own calibration changes a trim value. Single "
-        "readings far from their neighbours (outliers) come from bits that are lost on the bus."
+        "readings far from their neighbours (outliers), of any size, come from a disturbed supply or bus."
     )
     equation = "±size_dps from each of n times on"
     looks_like = "drift and colored_noise in averaged data; turn_on_bias if the bias jumps between runs"

@@ -85,7 +85,8 @@ class ByteFault(Effect):
     cause = (
         "The driver builds a code from two bytes, or adds a correction to it, and loses the carry from the low to the high "
         "part. The reading is then too small by a power of two of counts whenever the low bits have just passed zero. If the "
-        "bytes are read at different times, single readings at such a border have one byte of another sample."
+        "bytes are read at different times, single readings at such a border have one byte of another sample. On a disturbed "
+        "bus, single readings have one wrong bit."
     )
     equation = "step_dps in a fraction of the readings whose bits below `bit` have just carried, step_dps = -2^bit·lsb_dps"
     looks_like = (

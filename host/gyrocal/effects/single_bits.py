@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal import tails
+from gyrocal.effects.base import Mask
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
 from gyrocal.effects.quantization import coarse_step_dps
@@ -22,7 +23,7 @@ from gyrocal.recording.torn import Codes
 
 BITS = range(4, 15)
 HALF = 0.5
-"""Part of the low bits' range in which readings lie that have just carried."""
+"""Part of the low bits' range in which readings lie that have just carried, at most."""
 LEAST_SINGLE = 5
 SIZE_WITHIN, TOLD_APART = 5.0, 20.0
 """Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed unless the
@@ -90,7 +91,8 @@ def _single(runs: Sequence[Run], axis: int) -> tuple[int, int, float]:
         sure = next((bit for bit in tried if bit is not None), None)
         if sure is not None:
             return sure, number, 0.0
-    bit, chance = _one_sided(found, axis, count_dps, noise)
+    of_few = _one_sided(found, axis, count_dps, noise), _flipped(found, axis, count_dps, noise)
+    bit, chance = min(of_few, key=lambda one: one[1])
     return bit, number, chance
 
 
@@ -106,36 +108,55 @@ def _bit_without_carry(found: Sequence[Found], axis: int, count_dps: float, nois
     alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
     if bit not in BITS or float(np.mean(alike)) < MOST:
         return None
-    readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
-    low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit + 0.5 * (apart_dps > 0)
-    in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
-    certain = TOLD_APART * noise < 2.0**bit or low.size * _all_in_half(round(in_half * low.size), low.size) < BY_CHANCE
-    return bit if in_half >= MOST and certain else None
+    part, chance = _together(found, axis, count_dps, bit)
+    return bit if part <= HALF and (TOLD_APART * noise < 2.0**bit or chance < BY_CHANCE) else None
 
 
 def _one_sided(found: Sequence[Found], axis: int, count_dps: float, noise: float) -> tuple[int, float]:
     """The bit whose value nearly all outliers lack, or have too much, and the probability that those of another cause do.
 
-    A carry or a bit is always lost to one side. Beside the side count the size, the bit's state in each run, and the half of
+    A carry or a bit is always lost to one side. Beside the side count the size, the bit's state in each run, and the part of
     the low bits' range in which they lie after a carry. ``noise`` in counts.
     """
-    apart = np.concatenate([apart for _, _, apart in found]) / count_dps
-    bit = round(float(np.log2(np.median(np.abs(apart)))))
-    if bit not in BITS:
-        return 0, 1.0
-    above = bool(np.median(apart) > 0)
-    alike = (np.abs(np.abs(apart) - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)) & ((apart > 0) == above)
-    error = max(1.0, RMS_WITHIN * noise)
-    if float(np.mean(alike)) < MOST or float(np.sqrt(np.mean((np.abs(apart[alike]) - 2.0**bit) ** 2))) > error:
+    above = bool(np.median(np.concatenate([apart for _, _, apart in found])) > 0)
+    bit, alike, size = _of_one_size(found, count_dps, noise, [(apart > 0) == above for _, _, apart in found])
+    if not alike.any():
         return 0, 1.0
     codes = [codes_of(r, axis, count_dps)[rows] for r, rows, _ in found if rows.size]
     states = [float(np.mean((of_run >> bit & 1) == above)) for of_run in codes]
-    low = np.mod(np.concatenate(codes), 2.0**bit) / 2.0**bit
-    in_half = max(int(np.count_nonzero(np.mod(low - start, 1.0) <= HALF)) for start in low)
     by_state = 0.5 ** len(states) if min(states) >= MOST else 1.0
-    by_half = min(1.0, low.size * _all_in_half(in_half, low.size))
-    size = min(1.0, 2 * error / (OCTAVE * 2.0**bit))
-    return bit, 2 * float(tails.binomial(int(np.count_nonzero(alike)), apart.size, 0.5)) * size * min(by_state, by_half)
+    by_part = _together(found, axis, count_dps, bit)[1]
+    return bit, 2 * float(tails.binomial(int(np.count_nonzero(alike)), alike.size, 0.5)) * size * min(by_state, by_part)
+
+
+def _flipped(found: Sequence[Found], axis: int, count_dps: float, noise: float) -> tuple[int, float]:
+    """The bit that is the wrong one in nearly all outliers, and the probability that it is so in those of another cause.
+
+    A reading whose bit was set by mistake is too large by its value, and one whose bit was cleared too small. ``noise`` in
+    counts.
+    """
+    bit, alike, size = _of_one_size(found, count_dps, noise, [np.ones(rows.size, dtype=bool) for _, rows, _ in found])
+    if not alike.any():
+        return 0, 1.0
+    wrong = np.concatenate([(codes_of(r, axis, count_dps)[rows] >> bit & 1) == (apart > 0) for r, rows, apart in found]) & alike
+    if float(np.mean(wrong)) < MOST:
+        return 0, 1.0
+    return bit, 2 * float(tails.binomial(int(np.count_nonzero(wrong)), wrong.size, 0.5)) * size
+
+
+def _of_one_size(found: Sequence[Found], count_dps: float, noise: float, sides: Sequence[Mask]) -> tuple[int, Mask, float]:
+    """The bit whose value nearly all outliers deviate by, to the right side (``sides`` of each run), those that do, and the
+    probability of such a size; none do if they are too few, or miss it by more than the noise (in counts).
+    """
+    apart = np.abs(np.concatenate([apart for _, _, apart in found])) / count_dps
+    bit, none = round(float(np.log2(np.median(apart)))), np.zeros(apart.size, dtype=bool)
+    if bit not in BITS:
+        return 0, none, 1.0
+    alike = (np.abs(apart - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)) & np.concatenate(sides)
+    error = max(1.0, RMS_WITHIN * noise)
+    if float(np.mean(alike)) < MOST or float(np.sqrt(np.mean((apart[alike] - 2.0**bit) ** 2))) > error:
+        return 0, none, 1.0
+    return bit, alike, min(1.0, 2 * error / (OCTAVE * 2.0**bit))
 
 
 def _lower_part_of_another_sample(found: Sequence[Found], axis: int, count_dps: float) -> int | None:
@@ -178,9 +199,25 @@ def _upper_part_of_another_sample(found: Sequence[Found], axis: int, count_dps: 
     return None
 
 
-def _all_in_half(inside: int, number: int) -> float:
-    """The probability that so many of a number of low bits lie in the half of the range that begins at one of them."""
-    return float(tails.binomial(inside - 1, number - 1, 0.5))
+def _together(found: Sequence[Found], axis: int, count_dps: float, bit: int) -> tuple[float, float]:
+    """The smallest part of the low bits' range that holds nearly all outliers, and the probability of that by chance.
+
+    An outlier that is too large counts by its neighbours, which lack the carry then and are in the other half. Where other
+    readings of the same runs lie in that part as often, it shows nothing.
+    """
+    lows = [np.mod(codes_of(r, axis, count_dps), 2**bit) / 2.0**bit for r, _, _ in found]
+    low = np.concatenate([of_run[rows] + HALF * (apart > 0) for of_run, (_, rows, apart) in zip(lows, found, strict=True)])
+    least = int(np.ceil(MOST * low.size))
+    order = np.sort(np.mod(low, 1.0))
+    around = np.concatenate([order, order + 1.0])
+    widths = around[least - 1 : least - 1 + low.size] - order
+    start, part = float(order[np.argmin(widths)]), float(widths.min())
+    shares = [
+        float(np.mean(np.mod(of_run + HALF * above - start, 1.0) <= part))
+        for of_run, (_, _, apart) in zip(lows, found, strict=True)
+        for above in (apart > 0)
+    ]
+    return part, min(1.0, low.size * float(tails.binomial(least - 1, low.size - 1, max(part, float(np.mean(shares))))))
 
 
 def apart_of(run: Run, axis: int) -> tuple[Index, Array]:
