@@ -41,7 +41,8 @@ NEAR = 0.1
 REPEATED = 3
 """Least number of jumps that are at the time of another."""
 STANDS_OUT = 6.0
-"""Standard errors by which the means before and after must differ. Noise does not reach this over all times of a session."""
+"""Standard errors by which the means before and after must differ, and also do so beside a slope. Noise does not reach this
+over all times of a session."""
 
 
 def jumps(run: Run, axis: int) -> list[int]:
@@ -69,13 +70,16 @@ def _searched(runs: Sequence[Run], axis: int) -> list[tuple[int, float]]:
     if width < 4 or y.size < 4 * width:
         return []
     total = np.concatenate([[0.0], np.cumsum(y)])
-    before = total[width:-width] - total[: -2 * width]
-    after = total[2 * width :] - total[width:-width]
-    score = np.abs(after - before) / (width * _error(total, width) + 1e-300)
+    mean = (total[width:] - total[:-width]) / width
+    step = mean[width:] - mean[:-width]
+    beside = step - width * _slope(y, width)  # twice as uncertain
+    drifts = np.abs(beside) > 2 * np.abs(step)
+    score = np.where(drifts, np.abs(beside) / 2, np.minimum(np.abs(step), np.abs(beside))) / (_error(total, width) + 1e-300)
+    step = np.where(drifts, beside, step)
     found: list[tuple[int, float]] = []
     while len(found) < MOST and score.max(initial=0.0) > STANDS_OUT:
         k = int(np.argmax(score))
-        found.append((int(known[k + width]), float(after[k] - before[k]) / width))
+        found.append((int(known[k + width]), float(step[k])))
         score[max(0, k - width) : k + width] = 0.0
     return sorted(found)
 
@@ -137,6 +141,19 @@ def _without_swing(y_dps: Array, rate_dps: Array, duration_s: float) -> Array:
     parts = np.array_split(np.column_stack([y_dps, swing]), max(2, round(duration_s / DIFFERENCED_S)))
     moved = np.diff([part.mean(axis=0) for part in parts], axis=0)
     return np.asarray(y_dps - swing @ np.linalg.lstsq(moved[:, 1:], moved[:, 0], rcond=1e-6)[0])
+
+
+def _slope(y_dps: Array, width: int) -> Array:
+    """The common slope of the windows before and after each row [n - 2 width + 1], deg/s from sample to sample.
+
+    A bias that drifts has it all along; what it explains is no jump.
+    """
+    y = y_dps - y_dps.mean()
+    at = np.arange(y.size) - 0.5 * y.size
+    total, moment = (np.concatenate([[0.0], np.cumsum(x)]) for x in (y, at * y))
+    middle = at[: y.size - width + 1] + 0.5 * (width - 1)
+    of_window = (moment[width:] - moment[:-width]) - middle * (total[width:] - total[:-width])
+    return np.asarray((of_window[:-width] + of_window[width:]) / (width * (width**2 - 1) / 6))
 
 
 def _error(total: Array, width: int) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
+from gyrocal.noise.smoothed import LONGEST, smoothed_s
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
@@ -24,6 +25,9 @@ from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import Timing
 
 BLOCK_S = 0.1
+SLOW_FILTER, OF_FILTER = 2.0, 4.0
+"""Blocks over which a filter makes readings alike from which on longer ones are taken, and their length in lengths of the
+filter, of which a twentieth of the noise is then shared by neighbours."""
 STATED = 0.05
 """The session's sample rate sets the number of samples of a block unless it is off that of the times by more than this."""
 
@@ -227,10 +231,24 @@ def _angle_left_dps(run: Run, start: Index, size: int) -> Array:
     return np.asarray(np.diff(at_ends, axis=0)[0] / (size * typical_step_s(run.sample_s)))
 
 
-def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
-    """Blocks of every run, with its power cycle numbered in order."""
-    number = {name: i for i, name in enumerate(session.scenarios)}
+def reduce_session(session: Session, block_s: float | None = None) -> list[Blocks]:
+    """Blocks of every run, with its power cycle numbered in order, of a given length or of that which the noise asks for."""
+    number, block_s = {name: i for i, name in enumerate(session.scenarios)}, block_s or _block_s(session)
     return [reduce_run(run, number[run.scenario], block_s) for run in session.runs]
+
+
+def _block_s(session: Session) -> float:
+    """The length of the blocks, s: longer where a slow filter would leave their means alike.
+
+    Up to a few blocks, an autoregression describes what a filter does (:class:`~gyrocal.noise.color.Color`).
+    """
+    if session.sample_rate_hz * SLOW_FILTER * BLOCK_S > LONGEST:
+        return BLOCK_S
+    filter_s = float(np.median([smoothed_s(session.runs, axis) for axis in range(3)]))
+    if filter_s <= SLOW_FILTER * BLOCK_S:
+        return BLOCK_S
+    longest_s = min(run.duration_s for run in session.runs) / POLICY.least_blocks
+    return max(BLOCK_S, min(OF_FILTER * filter_s, longest_s))
 
 
 def step_s(blocks: Sequence[Blocks]) -> float:
