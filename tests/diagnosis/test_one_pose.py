@@ -7,9 +7,11 @@ import polars as pl
 import pytest
 
 from gyrocal.api import compare, diagnose
-from gyrocal.effects.quantities import pose_changes
+from gyrocal.effects.base import effect
+from gyrocal.effects.quantities import means_of_tenths, pose_changes
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run
 
 
 def in_a_chamber(seed: int, tilted_rad: float = 0.0) -> Session:
@@ -50,3 +52,14 @@ def test_a_pose_that_changes_is_seen() -> None:
     assert pose_changes(tilted.runs)
     both_faces, _ = simulate(None, "full", (), 1, scenarios=1, seconds=2.0)
     assert pose_changes(both_faces.runs)
+
+
+def test_a_hand_that_turns_the_part_over_within_seconds_shows_every_component() -> None:
+    """As means over a tenth of the run, all poses are the same one."""
+    t_s = np.arange(30000) / 100
+    tilt, roll = np.sin(2 * np.pi * 0.31 * t_s), np.sin(2 * np.pi * 0.23 * t_s)
+    acc = {"ax_g": np.sin(tilt), "ay_g": np.cos(tilt) * np.sin(roll), "az_g": np.cos(tilt) * np.cos(roll)}
+    run = make_run(t_s, table_rate_dps=0.0, **acc)
+    assert all(np.ptp(means_of_tenths(column[:, None])) < 0.05 for column in acc.values())
+    assert effect("g_sensitivity").missing([run], 2) is None
+    assert max(effect("g_sensitivity").variants([run], 2), key=len).keys() == {f"g{a}_dps_per_g" for a in "xyz"}

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Values
 from gyrocal.effects.optional import OwnLine
-from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
+from gyrocal.effects.quantities import acceleration_g, squares_of_tenths
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
@@ -104,7 +104,7 @@ class G2Sensitivity(Effect, OwnLine):
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""
-        means = [tenths[1] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
+        means = [tenths for r in runs if (tenths := squares_of_tenths(r)) is not None]
         squares_g2 = np.vstack(means) if means else np.zeros((1, 3))
         moved_g2 = np.ptp(np.column_stack([squares_g2, squares_g2.sum(axis=1)]), axis=0)
         return [name for name, i in {TOTAL: ALL, **ALONG}.items() if moved_g2[i] >= LEAST_CHANGE_G2]

@@ -12,7 +12,7 @@ from gyrocal.effects.earth_rate import in_plane_dps, may_be_in_plane
 from gyrocal.effects.mistaken import once_per_turn
 from gyrocal.effects.optional import CourseWithoutData
 from gyrocal.effects.order_tone import mean_wave_per_turn
-from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
+from gyrocal.effects.quantities import acceleration_by_second, acceleration_g, pose_changes
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
@@ -106,7 +106,7 @@ class GSensitivity(Effect, CourseWithoutData):
         """Those that change between poses."""
         if not pose_changes(runs):
             return []
-        means = [tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
+        means = [seconds for r in runs if (seconds := acceleration_by_second(r)) is not None]
         moved_g = np.ptp(np.vstack(means), axis=0)
         return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G]
 

@@ -134,10 +134,10 @@ def acceleration_g(run: Run) -> Array | None:
 
 
 @once_a_run
-def acceleration_of_tenths(run: Run) -> tuple[Array, Array] | None:
-    """Mean (g) and mean square (g^2) of the acceleration in each tenth of a run, shape [min(n, 10), 3] each."""
+def squares_of_tenths(run: Run) -> Array | None:
+    """Mean square of the acceleration in each tenth of a run, shape [min(n, 10), 3], g^2."""
     acc_g = acceleration_g(run)
-    return None if acc_g is None else (means_of_tenths(acc_g), means_of_tenths(acc_g**2))
+    return None if acc_g is None else means_of_tenths(acc_g**2)
 
 
 LEAST_TURN_RAD = 0.05
@@ -150,7 +150,7 @@ def pose_changes(runs: Sequence[Run]) -> bool:
     In one pose gravity is constant. What an accelerometer then shows beyond it is its own drift, which follows the temperature
     as a gyroscope's bias does, and nothing can be told to depend on the acceleration.
     """
-    found = [means for r in runs if (means := _acceleration_by_second(r)) is not None]
+    found = [means for r in runs if (means := acceleration_by_second(r)) is not None]
     if not found:
         return False
     mean_g = np.vstack(found)
@@ -159,7 +159,7 @@ def pose_changes(runs: Sequence[Run]) -> bool:
 
 
 @once_a_run
-def _acceleration_by_second(run: Run) -> Array | None:
+def acceleration_by_second(run: Run) -> Array | None:
     """Mean acceleration of each second of a run that has samples, shape [m, 3], g."""
     acc_g = acceleration_g(run)
     if acc_g is None or not len(acc_g):
