@@ -224,8 +224,8 @@ class Scales:
     def _beside_cosines(self, states: Index, at: Index, sd: Array, left: Index) -> Array:
         """The evidence beside each row of cosines ``left`` [r, c], of each of :data:`AMPLITUDES`, shape [s, r, amplitudes].
 
-        With the set integrated out once, the cosines are turned to where they are independent of each other. Each amplitude
-        then costs a sum and no further solution.
+        With the set integrated out once, the cosines are turned to where their products are tridiagonal. Each amplitude then
+        costs a sum over the cosines.
         """
         products, size = self.states.products, at.size
         rows = np.column_stack([np.zeros(len(left), dtype=np.intp), left])  # the reading beside the cosines
@@ -237,13 +237,8 @@ class Scales:
             half = (root @ scaled)[:, :, rows].swapaxes(1, 2)
             gram = gram - half.swapaxes(-1, -2) @ half
             weight = weight - logs
-        power, turned = np.linalg.eigh(gram[..., 1:, 1:])
-        power = np.maximum(power, 0.0)
-        cross = np.minimum((gram[..., :1, 1:] @ turned)[..., 0, :] ** 2, power * gram[..., :1, 0])  # Cauchy and Schwarz
-        variance = (np.array(AMPLITUDES) * self.matrix.second_dps)[:, None] ** 2
-        grown = 1 + variance * power[..., None, :]
-        chi2 = gram[..., 0, 0, None] - (variance * cross[..., None, :] / grown).sum(axis=-1)
-        return np.asarray(weight[:, None, None] - 0.5 * np.log(grown).sum(axis=-1) - self._misfit(chi2))
+        chi2, logdet = _without(gram, (np.array(AMPLITUDES) * self.matrix.second_dps) ** 2)
+        return np.asarray(weight[:, None, None] - 0.5 * logdet - self._misfit(chi2))
 
     def _chosen(
         self, effect: str, others: Mapping[str, tuple[int, int]], places: Sequence[tuple[int, Rest | None]]
@@ -371,6 +366,28 @@ def _conditioned(products: Array, at: Index, sd: Array) -> tuple[Array, float]:
     root, log = _factor(np.eye(at.size) + rows[:, at] * sd)
     half = root @ rows
     return products - half.T @ half, -float(log)
+
+
+def _without(products: Array, variances: Array) -> tuple[Array, Array]:
+    """What coefficients ~ N(0, variance) leave of the first column's square, and the log-determinants, [s, r, v] each.
+
+    ``products`` [s, r, 1 + k, 1 + k] are those of the first column and of the k columns of the coefficients. Reflections make
+    those of the columns tridiagonal, the first column in proportion to the first of them. From the last one back, each then
+    leaves a pivot of ``1 + variance * products``, which the prior alone makes 1.
+    """
+    from scipy.linalg.lapack import dsytrd
+
+    size = products.shape[-1]
+    diagonal, beside = np.empty((*products.shape[:2], size)), np.empty((*products.shape[:2], size - 1))
+    for at in np.ndindex(*products.shape[:2]):
+        _, diagonal[at], beside[at], _, _ = dsytrd(products[at], lower=1)
+    pivot, logdet = np.ones(1), np.zeros(1)
+    squares = beside[..., None] ** 2 * variances**2
+    for k in range(size - 1, 0, -1):
+        taken = squares[..., k, :] / pivot if k < size - 1 else 0.0
+        pivot = np.maximum(1 + variances * diagonal[..., k, None] - taken, 1.0)
+        logdet = logdet + np.log(pivot)
+    return diagonal[..., 0, None] - variances * beside[..., 0, None] ** 2 / pivot, logdet
 
 
 def _factor(information: Array) -> tuple[Array, Array]:
