@@ -128,18 +128,18 @@ def turned(rate: float) -> pl.DataFrame:
     return pl.DataFrame(np.column_stack([T_S, rates]), schema=["t", "gx", "gy", "gz"])
 
 
-@pytest.mark.parametrize("edges", ["100:2500", "1s:25s"])
+@pytest.mark.parametrize("stated", ["--run=a:100:2500:rate=25", "--run=a:1s:25s:rate=25", "--rates=25,-10"])
 @pytest.mark.parametrize(("one", "unit"), [(1.0, "dps"), (np.pi / 180, "rad/s")])
-def test_the_rate_of_a_run_decides(
-    edges: str, one: float, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_rates_of_runs_decide(
+    stated: str, one: float, unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A table that turns to and fro, of whose runs each states its rate: it was asked for the unit."""
+    """A table that turns to and fro, whose rates are stated: it was asked for the unit."""
     rng = np.random.default_rng(3)
     rates = np.where(T_S < 30, 25.0, -10.0)[:, None] * [0.02, -0.01, 1.0] + rng.normal(0, 0.3, (N, 3))
     columns = np.column_stack([T_S, one * rates, rng.normal([0.01, -0.01, 1.0], 0.002, (N, 3))])
     path = tmp_path / "log.csv"
     pl.DataFrame(columns, schema=["t", "gx", "gy", "gz", "ax", "ay", "az"]).write_csv(path)
-    args = ["import", str(path), str(tmp_path / "out"), "--run", f"a:{edges}:rate=25", "--yes", "--json"]
+    args = ["import", str(path), str(tmp_path / "out"), stated, "--yes", "--json"]
     assert main(args) == 0
     assert f"gz_dps=gz:{unit}" in json.loads(capsys.readouterr().out)["guessed"]
 

@@ -50,6 +50,8 @@ CLEARLY = 4.0
 """Ratio of the squared misfits of two units from which the smaller one is right."""
 OF_ONE_SIZE = 3.0
 """Factor within which readings are of the size of a stated rate. Degrees and radians are 57 apart."""
+OF_A_PLATEAU = 64
+"""Readings whose median shows the rate of a plateau."""
 LEAST_TURN_DPS = 2.0
 """A reference that turns less may be noise."""
 TREMBLE_RAD_S, FINE_DPS = 0.05, 0.0015
@@ -80,14 +82,16 @@ class Motion:
 class Known:
     """What is known of a recording's motion beside its readings: the table's rate, deg/s, its angle, deg, or a reference.
 
-    ``cuts`` are the runs that are taken, if a file is cut, each with its own rate or angle. ``reference_dps`` gives the rms
-    rate of a reference, deg/s, or None; it is called only if nothing else decides.
+    ``cuts`` are the runs that are taken, if a file is cut, each with its own rate or angle, and ``rates_dps`` those of the
+    table at which the recording has plateaus, wherever they are. ``reference_dps`` gives the rms rate of a reference, deg/s,
+    or None; it is called only if nothing else decides.
     """
 
     rate_dps: float | None = None
     turn_deg: float | None = None
     reference_dps: Callable[[], float | None] = lambda: None
     cuts: Sequence[Cut] = ()
+    rates_dps: Sequence[float] = ()
 
 
 def unit_of_acceleration(source: Source, names: Sequence[str], scaling: Scaling) -> Unit | None:
@@ -239,6 +243,11 @@ def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | No
         if turn_deg and motion is not None and motion.t_s.size == len(rates) and len(part) > 1:
             turned = np.nan_to_num(part - np.nanmedian(part[: max(10, len(part) // 50)], axis=0))
             pairs.append((float(np.abs(np.gradient(motion.t_s[rows]) @ turned).max()), abs(turn_deg)))
+    if any(known.rates_dps):
+        whole = rates[np.isfinite(rates).all(axis=1)]
+        parts = np.array_split(whole, max(1, len(whole) // OF_A_PLATEAU))
+        fastest = max((float(np.abs(np.median(part, axis=0)).max()) for part in parts if len(part)), default=0.0)
+        pairs.append((fastest, max(map(abs, known.rates_dps))))
     if not pairs and (reference_dps := known.reference_dps()) is not None:
         pairs.append((float(np.sqrt(np.nanmean(np.nansum(rates**2, axis=1)))), reference_dps))
     for read, true in pairs:

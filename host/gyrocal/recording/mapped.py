@@ -94,7 +94,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
             columns["t_s"] = source.numbers(ColumnMap.parse(time.map, scaling))
         return typical_rate_dps(columns["t_s"], columns) if "t_s" in columns else None
 
-    known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps, cuts)
+    known = Known(options.defaults.get("table_rate_dps"), options.defaults.get("turn_deg"), reference_dps, cuts, options.rates)
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
     return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
