@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,8 @@ DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
 """A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""
 
 
-def imports(path: Path, package: str = "") -> set[str]:
+@cache
+def imports(path: Path, package: str = "") -> frozenset[str]:
     """Dotted names that a file imports, anywhere in it: inside functions, for type checking, relative, or named as text."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
@@ -44,7 +46,7 @@ def imports(path: Path, package: str = "") -> set[str]:
             found |= {f"{module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
             found |= {node.value.rstrip(".")} if DOTTED.fullmatch(node.value) and not node.value.endswith(".onnx") else set()
-    return found
+    return frozenset(found)
 
 
 def python_files(folder: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from gyrocal.simulation.simulate import simulate
 
 
 def test_a_diagnosis_is_the_same_with_its_axes_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = simulate(None, "paper", ["table_ripple"], 2, scenarios=3, seconds=10)[0]
+    session = simulate(None, "paper", ["table_ripple"], 2, scenarios=2, seconds=5)[0]
     one_by_one = diagnose(session).to_json()
     at_work = set()
     monkeypatch.setattr(threads, "MANY_ROWS", 0)

@@ -11,6 +11,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.recording.outliers import outliers
 from gyrocal.simulation.simulate import simulate
+from known import ON_Z
 
 
 @pytest.mark.parametrize("count_dps", [0.0, 0.00875, 0.07])
@@ -113,14 +114,14 @@ def test_a_fit_does_not_feel_them() -> None:
 @pytest.mark.usefixtures("known_answers")
 def test_they_are_shown_named_and_explained() -> None:
     session = simulate(None, "paper", ["bias_jumps:size_dps=3,outliers=0.0005"], 5, scenarios=3, seconds=20)[0]
-    comparison = compare(session)
+    comparison = compare(session, ON_Z)
     assert (comparison.where[0].axis, comparison.where[0].against) == ("z", "reading")
-    found = diagnose(session)
+    found = diagnose(session, ON_Z)
     assert found.verdict == "add"
     assert found.best is not None
     assert (found.best.effect.id, found.best.axis) == ("bias_jumps", "z")
     assert found.best.values["size_dps"] == pytest.approx(3, rel=0.05)
-    before, after, model = add(session, None, "bias_jumps")
+    before, after, model = add(session, ON_Z, "bias_jumps")
     assert after.pooled.excess_dps < 0.1 * before.pooled.excess_dps
     assert after.verdict == "adequate"
     assert diagnose(session, model).verdict == "adequate"

@@ -19,6 +19,7 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.base import Symbol, Variable, quantile_edges, symbols, variables
 from gyrocal.variables.shapes import Shape, Waves
 from gyrocal.web.values.residual_plots import Panel, opened_by, panels
+from known import ON_X
 from make_runs import make_run
 
 Array = NDArray[np.float64]
@@ -118,13 +119,13 @@ def with_beat(seconds: float) -> Session:
 def test_a_new_variable_is_probed_kept_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     session = with_beat(21)
     monkeypatch.setitem(variables(), Beat.name, Beat)
-    found = compare(session)
+    found = compare(session, ON_X)
     first = found.where[0]
     assert (first.axis, first.against) == ("x", Beat.name)
     assert residual_against(found, first) is not None
     assert Panel(Beat) in panels()
     assert FormulaEffect("k*(beat - 3)").variables == ["beat"]
-    proposal, before, after, _ = keep(session)
+    proposal, before, after, _ = keep(session, ON_X)
     assert proposal.against == Beat.name
     assert "beat" in proposal.formula
     kept = after.per_axis["x"].excess_dps
