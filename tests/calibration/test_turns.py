@@ -42,7 +42,7 @@ def test_the_error_of_an_answer_by_turns_of_a_stated_error_is_its_scatter(error_
         assert np.sum(np.square(parts)) == pytest.approx(f.scale_se**2, rel=0.01)
 
 
-@pytest.mark.parametrize("turns", [2, 3, 6])
+@pytest.mark.parametrize("turns", [2, 3, pytest.param(6, marks=pytest.mark.wide)])
 def test_of_an_error_that_none_states_the_scatter_of_turns_tells(turns: int) -> None:
     """19 of 20 answers lie within 1.96 standard errors. Before, nearly all lay beyond, because the turns counted as exact."""
     rng = np.random.default_rng(turns)

@@ -42,7 +42,9 @@ def test_rounding_is_no_misfit() -> None:
     assert compare(staircase()).verdict == "adequate"
 
 
-@pytest.mark.parametrize(("apart_dps", "seed"), [(0.012, 20), pytest.param(0.02, 21, marks=pytest.mark.wide), (0.03, 22)])
+@pytest.mark.parametrize(
+    ("apart_dps", "seed"), [(0.012, 20), *(pytest.param(*of, marks=pytest.mark.wide) for of in ((0.02, 21), (0.03, 22)))]
+)
 def test_the_level_of_each_power_cycle_is_rounded(apart_dps: float, seed: int) -> None:
     """Offsets of a tenth of a count move the rounding error by a tenth of its period."""
     assert compare(staircase(sd_dps=0.024, apart_dps=apart_dps, seed=seed), ON_Z).verdict == "adequate"
@@ -83,7 +85,7 @@ def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:
     return make_session(*runs, lsb_dps=COUNT_DPS)
 
 
-@pytest.mark.parametrize("sd_counts", [0.1, pytest.param(0.2, marks=pytest.mark.wide), 0.3])
+@pytest.mark.parametrize("sd_counts", [0.1, *(pytest.param(of, marks=pytest.mark.wide) for of in (0.2, 0.3))])
 def test_readings_that_stand_at_one_count_are_no_quieter_noise(sd_counts: float) -> None:
     found = compare(power_cycles(sd_counts, 0), ON_Z)
     assert found.verdict == "adequate", found.where

@@ -36,7 +36,7 @@ def test_two_sessions_cannot_tell_ageing_from_scatter() -> None:
     assert found.scatter > 1
 
 
-@pytest.mark.parametrize("n", [3, 4, 6, 10])
+@pytest.mark.parametrize("n", [3, *(pytest.param(n, marks=pytest.mark.wide) for n in (4, 6)), 10])
 def test_the_errors_hold_the_scatter_between_sessions(n: int) -> None:
     """Without a slope: over many histories, the mean lies within its error as often as it should, and slopes seldom count."""
     rng, within, false = np.random.default_rng(3), 0, 0

@@ -39,9 +39,12 @@ def with_gap(seconds: float) -> Array:
 
 @pytest.mark.parametrize(
     ("t_s", "rate_hz"),
-    [(np.arange(1500) * 10.0, 100.0), (np.arange(300) * 10.0, 0.1), (with_gap(3600.0), 100.0), (with_gap(86400.0), 100.0)],
+    [
+        (np.arange(1500) * 10.0, 100.0), (np.arange(300) * 10.0, 0.1), (with_gap(3600.0), 100.0),
+        pytest.param(with_gap(86400.0), 100.0, marks=pytest.mark.wide),
+    ],
     ids=["ms", "0.1 Hz", "a gap of an hour", "a gap of a day"],
-)
+)  # fmt: skip
 def test_slow_and_broken_times_are_judged(t_s: Array, rate_hz: float) -> None:
     session = pair(t_s, rate_hz=rate_hz, across=False)
     compared, found = compare(session), diagnose(session)

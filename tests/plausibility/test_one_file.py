@@ -34,7 +34,7 @@ def with_run(session: Session, number: int, run: Run) -> Session:
 
 
 @pytest.mark.parametrize(("order", "axis"), [((2, 0, 1), "x"), ((0, 2, 1), "y"), ((1, 2, 0), "y")])
-@pytest.mark.parametrize("number", [6, 13])
+@pytest.mark.parametrize("number", [6, pytest.param(13, marks=pytest.mark.wide)])
 def test_columns_of_one_file_in_another_order_are_told_of_it(order: tuple[int, int, int], axis: str, number: int) -> None:
     """The advice was to set another axis for the whole session, with the other files' slope of that axis."""
     whole = session(9301)

@@ -39,7 +39,7 @@ def tumbled(size_dps: float, acc: float, unit: float, rng: np.random.Generator) 
 
 @pytest.mark.parametrize("acc", [1.0, 9.80665, 0.62])
 @pytest.mark.parametrize(("unit", "one"), [("dps", 1.0), ("rad/s", np.pi / 180)])
-@pytest.mark.parametrize("size_dps", [8.0, 30.0])
+@pytest.mark.parametrize("size_dps", [8.0, pytest.param(30.0, marks=pytest.mark.wide)])
 def test_gravity_decides_and_the_unit_of_the_accelerometer_does_not(size_dps: float, unit: str, one: float, acc: float) -> None:
     found = guess(Source("a.csv", tumbled(size_dps, acc, one, np.random.default_rng(1))), Scaling())
     mine = [g for g in found if g.map.startswith("g")]
