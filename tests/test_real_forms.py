@@ -15,8 +15,8 @@ real_forms = study("real_forms")
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
-AGAIN = ("nilspod_ferraris_360", "thermal_chamber_imu")
-"""At rest and by known turns, which test_recordings.py and recording/test_real.py import, diagnose and correct, too."""
+AGAIN = ("nilspod_ferraris_360", "thermal_chamber_imu", "mpu6050_encoder_stepper")
+"""At rest, by known turns and by an encoder, which test_recordings.py and recording/test_real.py import and diagnose, too."""
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,15 @@ from typing import Any
 import pytest
 
 from . import benchmark
-from .cases import SAMPLE
+from .cases import CASES, SAMPLE
 from .outcome import Outcome
 
 KINDS = tuple(dict.fromkeys(case.kind for case in SAMPLE))
-NULL, EFFECT = "null_paper_drift_turn_on_6", "effect_lag_swing_small_1"
-"""With all that a null has, and an effect that one protocol alone shows, at its small size."""
-PART = [case for case in SAMPLE if case.name in (NULL, EFFECT) or case.kind not in ("null", "effect")]
+NULL, EFFECT, PAIR = "null_paper_drift_turn_on_6", "effect_lag_swing_small_1", "pair_table_ripple_spin_up"
+"""With all that a null has; an effect that one protocol alone shows, at its small size; a pair of
+the protocol with the fewest runs."""
+OF_SAMPLE = [case.name for case in SAMPLE if case.kind in ("confounded", "unknown")]
+PART = [case for case in CASES if case.name in (NULL, EFFECT, PAIR, *OF_SAMPLE)]
 
 
 @pytest.fixture(scope="module", params=["of each kind", pytest.param("all", marks=pytest.mark.wide)])
