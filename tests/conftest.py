@@ -132,6 +132,15 @@ def tests_alone() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(name="measured_adds")
+def _measured_adds() -> Iterator[None]:
+    """``add`` leaves out the search for what the model then still lacks: for tests of its model and its files."""
+    from known import measured_adds
+
+    with measured_adds():
+        yield
+
+
 @pytest.fixture
 def library() -> Iterator[dict[str, object]]:
     """The effects by id, to be changed at will: after the test they are what they were, in their order."""

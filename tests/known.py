@@ -41,13 +41,20 @@ def without_evidence() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def measured_adds() -> Iterator[None]:
+    """Within this context, ``add`` and its command measure what is left and try no other effect on it."""
+    with patch("gyrocal.diagnosis.answer.add.compare", compare.measure):
+        yield
+
+
 def add_measured(session: Session, model: Model | None, effect_id: str) -> Added:
     """What ``add`` returns, but that no other effect is tried on what is left.
 
     The model, the levels and the findings of the residual's own tests are the same. A verdict of these comparisons is not that
     of ``compare``, which the tests of verdicts ask ``add`` itself for.
     """
-    with patch("gyrocal.diagnosis.answer.add.compare", compare.measure):
+    with measured_adds():
         return add(session, model, effect_id)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gyrocal.api import compare
-from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.present import pictures
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.order import Order
@@ -17,7 +16,7 @@ RATE_DPS, SECONDS = 78.0, 20.0
 @pytest.fixture(scope="module")
 def compared() -> Comparison:
     session, _ = simulate(None, "paper", [], 3, scenarios=2, seconds=SECONDS)
-    return compare(session)
+    return measure(session)
 
 
 def test_the_spectrum_begins_at_the_lowest_frequency_that_a_run_holds(compared: Comparison) -> None:
@@ -46,6 +45,6 @@ def test_ticks_are_plain_numbers(compared: Comparison) -> None:
 
 def test_runs_of_a_turn_or_so_have_no_spectrum_over_the_turn() -> None:
     session, _ = simulate(None, "paper", [], 3, scenarios=1, seconds=6.0)
-    compared = compare(session)
+    compared = measure(session)
     assert pictures.spectra(compared, Order.name) is None
     assert set(pictures.of_spectra(compared)) == {"spectrum"}

@@ -22,7 +22,7 @@ def begins_apart(run: Run) -> Run:
 @pytest.fixture(scope="module")
 def served(workbench: Any, chromium: Any) -> Any:
     folder: Path = workbench.folder
-    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=8.0)
+    session, _ = simulate(None, "full", ["vibration_tone:f_hz=11.83,A_dps=0.05"], 3, scenarios=1, seconds=8.0)
     first, second = session.runs[:2]
     session.with_runs([begins_apart(first)]).save(folder / "single")
     session.with_runs([first, begins_apart(second)]).save(folder / "pair")

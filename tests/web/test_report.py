@@ -22,6 +22,7 @@ import pytest
 
 from gyrocal.api import Model, Session, compare, fit
 from gyrocal.cli import main
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.levels import Floor, MeanSquares
 from gyrocal.effects.base import effects
 from gyrocal.present import pictures
@@ -70,6 +71,12 @@ def reports(folder: Path) -> tuple[str, str]:
     assert first is not None
     assert last is not None
     return first, last
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are left out, for tests of what a report says."""
+    monkeypatch.setattr(pictures, "png_data", lambda figure: "")
 
 
 def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> None:
@@ -122,7 +129,7 @@ def test_the_evidence_comes_back_with_the_session(folder: Path, reports: tuple[s
     assert len(pictures_of[0]) == 1
 
 
-def test_an_effect_added_by_hand_has_its_axes_its_sizes_and_its_doubt(folder: Path) -> None:
+def test_an_effect_added_by_hand_has_its_axes_its_sizes_and_its_doubt(folder: Path, undrawn: None) -> None:
     """Nothing was said of its size."""
     sizes, limits = (("x", "k 1.0 ± 0.5 dps/s"), ("z", "k 2.0 ± 0.5 dps/s")), ("on y, |k| is below 0.3 dps/s at 95 %",)
     doubts = (BY_HAND,)
@@ -142,7 +149,7 @@ def test_an_effect_added_by_hand_has_its_axes_its_sizes_and_its_doubt(folder: Pa
 
 
 def test_the_commands_leave_out_the_runs_that_were_left_out(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, undrawn: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = Session.open(folder / "hidden")
     left_out = [session.runs[1].file]
@@ -160,12 +167,12 @@ def test_the_commands_leave_out_the_runs_that_were_left_out(
     assert json.loads(out.getvalue())["rms_dps"] == pytest.approx(kept.to_json()["rms_dps"], rel=1e-9)
 
 
-def test_a_session_judged_by_angle_has_its_levels_in_degrees() -> None:
+def test_a_session_judged_by_angle_has_its_levels_in_degrees(undrawn: None) -> None:
     t_s = np.arange(400) / 100
     noise = np.random.default_rng(4).normal(0, 0.05, (400, 3))
     turns = [(noise + np.array([0, 0, w]), {"turn_deg": 4.0 * w}) for w in (90.0, -90.0, 90.0)]
     rests = [(noise, {"table_rate_dps": 0.0})] * 3
-    found = compare(make_session(*(make_run(t_s, y, **known) for y, known in (*turns, *rests))))
+    found = measure(make_session(*(make_run(t_s, y, **known) for y, known in (*turns, *rests))))
     assert found.angles is not None
     told = words(page("turned", found, None, [], None, None))
     assert "Net angles of the runs, by which this session is judged" in told
@@ -235,7 +242,7 @@ def test_no_two_figures_have_one_title(reports: tuple[str, str]) -> None:
         titles = re.findall(r'<img alt="([^"]*)"', report)
         assert len(titles) == len(set(titles))
     session, _ = simulate(None, "paper", [], 3, scenarios=2, seconds=20)
-    drawn = [figure.axes[0].get_title().split("\n")[0] for _, figure in pictures.of_spectra(compare(session)).values()]
+    drawn = [figure.axes[0].get_title().split("\n")[0] for _, figure in pictures.of_spectra(measure(session)).values()]
     assert len(drawn) == len(set(drawn)) == 2
 
 
@@ -252,6 +259,7 @@ def test_it_says_what_was_measured(reports: tuple[str, str], folder: Path) -> No
     assert files == sorted(f.name for f in (folder / "hidden").glob("*.csv"))
 
 
+@pytest.mark.usefixtures("measured_adds")
 def test_its_commands_repeat_it(reports: tuple[str, str], folder: Path) -> None:
     block = re.search(r'<pre class="commands">(.*?)</pre>', reports[1], flags=re.DOTALL)
     assert block is not None

@@ -21,7 +21,7 @@ from gyrocal.web.state.surprise import Hunt, Secret
 @pytest.fixture(scope="module")
 def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("start")
-    simulate(folder / "mine", "paper", [], 3, scenarios=1, seconds=8)
+    simulate(folder / "mine", "paper", ["table_ripple"], 3, scenarios=1, seconds=8)
     for k in range(12):  # more than the list has room for
         shutil.copytree(folder / "mine", folder / f"nameless{k}")
         header = folder / f"nameless{k}/session.toml"

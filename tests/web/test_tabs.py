@@ -15,7 +15,7 @@ OTHER = "[aria-label='another session']"
 @pytest.fixture(scope="module")
 def served(workbench: Any, chromium: Any) -> Any:
     for name in ("mine", "yours"):
-        simulate(workbench.folder / name, "paper", [], 3, scenarios=1, seconds=3.0)
+        simulate(workbench.folder / name, "paper", ["table_ripple"], 3, scenarios=1, seconds=8.0)
     return workbench
 
 
