@@ -61,6 +61,7 @@ def added(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.param("own: k*(t\n+ 1)", marks=pytest.mark.wide),
     ],
 )
+@pytest.mark.usefixtures("measured_adds")
 def test_add_keeps_the_model_file(added: Path, tmp_path: Path, text: str) -> None:
     model = shutil.copy(added / "model.toml", tmp_path)
     assert main(["add", text, str(added / "s"), "--model", model]) == 0
@@ -78,6 +79,7 @@ def test_a_model_that_would_not_read_back_leaves_the_file(tmp_path: Path) -> Non
     assert [p.name for p in tmp_path.iterdir()] == ["model.toml"]
 
 
+@pytest.mark.usefixtures("measured_adds")
 def test_nothing_is_deleted_that_the_command_did_not_make(tmp_path: Path) -> None:
     (tmp_path / "s.partial").mkdir()
     names = ("s.partial/mine.txt", "s.truth.json.partial", "page.html.partial", "r.csv.partial", "model.toml.partial")

@@ -56,6 +56,7 @@ def test_a_session_may_be_named_by_its_file(session: str, capsys: pytest.Capture
     assert told(capsys, "compare", f"{session}/session.toml") == told(capsys, "compare", session)
 
 
+@pytest.mark.usefixtures("measured_adds")
 def test_add_takes_its_arguments_in_either_order(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = str(tmp_path / "1.toml"), str(tmp_path / "2.toml")
     assert told(capsys, "add", "table_ripple", session, "--model", one) == told(

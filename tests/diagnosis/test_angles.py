@@ -93,7 +93,7 @@ def test_a_leak_that_only_turns_show_is_judged_by_the_angle_it_leaves() -> None:
 
 def test_residuals_have_a_row_for_each_run_and_axis() -> None:
     recorded = session(2)
-    table = residual_table(compare(recorded))
+    table = residual_table(measure(recorded))
     assert table.columns == ["file", "t_s", "axis", "measured_deg", "modelled_deg"]
     assert table.height == 27
     for run in recorded.runs:

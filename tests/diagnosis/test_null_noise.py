@@ -7,9 +7,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.naming.judge import judge
 from gyrocal.diagnosis.naming.standing_model import Current
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.whiteness import too_much_power
 from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
@@ -99,19 +99,19 @@ def test_a_fault_s_gain_is_that_of_the_power_it_removes() -> None:
         gx_dps = 0.3 * np.sin(2 * np.pi * 31.3 * r.t_s)
         gx_dps[rng.choice(len(r), 5, replace=False)] += 8.0
         runs.append(replace(r, frame=r.table.with_columns(gx_dps=gx_dps), lsb_dps=None))
-    current = Current.of(compare(replace(session.with_runs(runs), lsb_dps=None), Model.builtin("default")), "x")
+    current = Current.of(measure(replace(session.with_runs(runs), lsb_dps=None), Model.builtin("default")), "x")
     found = judge(current, effect("bias_jumps"))
     samples = sum(map(len, runs))
     assert found.gain is not None
     assert 0 < found.gain < samples
 
 
-@pytest.mark.parametrize(("rate_hz", "part"), [(25.0, 0.15), (50.0, 0.08)])
+@pytest.mark.parametrize(("rate_hz", "part"), [pytest.param(25.0, 0.15, marks=pytest.mark.wide), (50.0, 0.08)])
 def test_noise_behind_a_low_corner_leaves_its_floor(null: ModuleType, rate_hz: float, part: float) -> None:
     """A second-order low-pass at a small part of the sample rate: its spectrum is not that of an autoregression."""
     rng = np.random.default_rng((5, int(rate_hz)))
     session = null.static(rng, rate_hz, partial(null.low_passed, cutoff_hz=part * rate_hz), seconds=600.0)
-    for level in compare(session, Model.builtin("default")).per_axis.values():
+    for level in measure(session, Model.builtin("default")).per_axis.values():
         assert level.rms_dps is not None
         assert level.excess_se_dps is not None
         assert abs(level.rms_dps**2 - level.floor_dps**2) < (3 * level.excess_se_dps) ** 2

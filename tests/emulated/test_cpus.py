@@ -63,8 +63,17 @@ def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: 
     assert there == here, first_difference(here, there)
 
 
-@CPU
-@pytest.mark.parametrize("fixed", [False, True], ids=["float", "integers"])
+NETWORKS = [
+    pytest.param(
+        cpu, fixed, id=f"{'integers' if fixed else 'float'}-{cpu.name}",
+        marks=[pytest.mark.wide] * (cpu.name == "rv32imafc" or fixed != has_no_fpu(cpu)),
+    )
+    for cpu in cpus.CPUS for fixed in (False, True)
+]  # fmt: skip
+"""As each CPU has it, and with ``make wide`` as the others have it."""
+
+
+@pytest.mark.parametrize(("cpu", "fixed"), NETWORKS)
 def test_a_network_gives_the_same_bits(cpu: cpus.Cpu, fixed: bool, require_tool: Require, tmp_path: Path) -> None:
     """Network `gyrocal` in float32 and in integers, whichever is the CPU's default."""
     require(cpu, require_tool)

@@ -73,6 +73,7 @@ def test_a_value_out_of_its_parameter_s_bounds_is_refused(line: str, said: str, 
         opened(f'format = "gyrocal-model/1"\neffects = [\n  {line},\n]\n', tmp_path)
 
 
+@pytest.mark.usefixtures("measured_adds")
 def test_a_noise_is_added_and_removed_by_its_id() -> None:
     grown = Model.builtin("paper").add("colored_noise", "z")
     assert grown.ids == ["scale", "bias", "colored_noise"]

@@ -34,7 +34,7 @@ def test_a_held_time_constant_stays_and_sharpens_the_amplitude(tmp_path: Path) -
 
 def test_a_held_coefficient_is_subtracted_and_at_zero_is_as_if_it_were_not_there() -> None:
     session, _ = simulate(None, "full", ["scale_nonlinearity:k3=3e-8"], 1, scenarios=1, seconds=8.0)
-    with_it = compare(session, ON_Z.add("scale_nonlinearity", "z")).fit.model
+    with_it = measure(session, ON_Z.add("scale_nonlinearity", "z")).fit.model
     without = measure(session, ON_Z)  # compare would name the effect where the model lacks it, and draw the noise beside it
     at_zero = measure(session, with_it.holding("scale_nonlinearity", "z", "k3", 0.0))
     assert at_zero.pooled.rms_dps == pytest.approx(without.pooled.rms_dps, rel=1e-6)

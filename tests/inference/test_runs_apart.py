@@ -10,7 +10,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
-from gyrocal.diagnosis.residual.comparison import Comparison
+from gyrocal.diagnosis.residual.comparison import Comparison, measure
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import ON_Z
@@ -52,8 +52,8 @@ def test_then_the_model_fits_and_nothing_is_missing(told: tuple[Session, Compari
 def test_one_time_constant_for_all_runs_stays_one(tmp_path: Path) -> None:
     """The sizes differ from run to run, the time constant does not."""
     folder = tmp_path / "session"
-    simulate(folder, "full", ["spin_up:tau_s=3"], seed=3, seconds=30.0, parquet=True)
-    comparison = compare(Session.open(folder), ON_Z.add("spin_up"))
+    simulate(folder, "full", ["spin_up:tau_s=3"], seed=3, scenarios=2, seconds=30.0, parquet=True)
+    comparison = measure(Session.open(folder), ON_Z.add("spin_up"))
     term = comparison.fit.model.term("spin_up", "z")
     assert term is not None
     assert not term.of_run
