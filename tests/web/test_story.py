@@ -87,7 +87,7 @@ def downloaded(page: Any, button: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("known_answers")
+@pytest.mark.usefixtures("known_answers", "measured_adds")
 def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     compared = cli(folder, "compare", "hidden")
     added = cli(folder, "add", "table_ripple", "hidden", "--model", "m.toml")
