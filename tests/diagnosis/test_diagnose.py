@@ -15,8 +15,8 @@ from known import add_measured
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
-def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Session:
-    return simulate(None, "paper", effects, seed, scenarios=scenarios, seconds=25.0)[0]
+def session_with(effects: list[str], seed: int = 3, scenarios: int = 4) -> Session:
+    return simulate(None, "paper", effects, seed, scenarios=scenarios, seconds=15.0)[0]
 
 
 @pytest.mark.parametrize("effect", ["table_ripple", pytest.param("spin_up", marks=pytest.mark.wide)])
