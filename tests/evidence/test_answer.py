@@ -137,6 +137,25 @@ def test_a_random_walk_that_goes_on_from_run_to_run_is_noise(seed: int) -> None:
     assert max(found.log_odds.values()) < SURE
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_drift_that_goes_on_from_run_to_run_is_no_course_of_the_temperature(seed: int) -> None:
+    """The temperature rises all the time, and each power cycle has a part of its range: what drifts in it followed it."""
+    made = session(seed, cycles=3, seconds=20.0, rates_dps=(0.0, 20.0, 50.0, -20.0, -50.0, 0.0, 30.0, -30.0, 60.0, -60.0))
+    rng, runs, of_cycle = np.random.default_rng(40 + seed), [], 10
+    dt_s = float(np.median(np.diff(made.runs[0].t_s)))
+    kept, drift_dps = np.exp(-dt_s / 100.0), np.zeros(3)
+    for i, run in enumerate(made.runs):
+        if i % of_cycle == 0:
+            drift_dps = rng.normal(0, 0.004, 3)
+        course = np.empty((len(run), 3))
+        for k, step in enumerate(rng.normal(0, 0.004 * np.sqrt(1 - kept**2), course.shape)):
+            course[k] = drift_dps = kept * drift_dps + step
+        temp_c = 20 + 0.01 * (20.0 * i + run.t_s) + rng.normal(0, 0.01, run.t_s.size)
+        known = {"table_rate_dps": run.table_rate_dps, "scenario": run.scenario, "temp_c": temp_c}
+        runs.append(make_run(run.t_s, run.gyro_dps + course, **known))
+    assert odds_against_noise(evidence(replace(made, runs=tuple(following(runs))))) < 1.0
+
+
 def test_noise_alone_is_told_however_improbable() -> None:
     assert odds_against_noise(evidence(session(2, lambda t, c, w, k: 4e-4 * abs(w)))) > KNOTS[-1][0]
 

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from gyrocal.effects.quantities import cycle_time_s
 from gyrocal.evidence import discrepancy, hypotheses
 from gyrocal.evidence.matrix import Matrix, runs_of
 from gyrocal.evidence.states import States
@@ -24,22 +25,25 @@ def scales() -> Scales:
 
 
 def dense_log_density(
-    fit: AxisFit, noise: Noise, spreads: tuple[float, ...], terms: np.ndarray, sd: np.ndarray, columns: np.ndarray
+    fit: AxisFit, noise: Noise, spreads: tuple[float, ...], terms: np.ndarray, sd: np.ndarray, columns: np.ndarray,
+    carried: bool,
 ) -> float:  # fmt: skip
     """Logarithm of the density, but for a constant, by the covariance of all block means [n, n].
 
-    ``columns`` [n, p] have free coefficients, of which the first ones differ between power cycles with ``spreads``, and
-    ``terms`` [n, k] coefficients of standard deviations ``sd`` [k].
+    Drift that is ``carried`` goes on from run to run of a power cycle. ``columns`` [n, p] have free coefficients, of which the
+    first ones differ between power cycles with ``spreads``, and ``terms`` [n, k] those of standard deviations ``sd`` [k].
     """
     blocks = fit.design.blocks
     cycle = np.concatenate([np.full(b.t_s.size, b.scenario) for b in blocks])
     run = np.concatenate([np.full(b.t_s.size, i) for i, b in enumerate(blocks)])
-    t_s = np.concatenate([b.t_s for b in blocks])
+    t_s = np.concatenate([b.mean(cycle_time_s(b.run)[:, None])[:, 0] for b in blocks])
     n = np.concatenate([b.n for b in blocks])
     y = np.concatenate([b.y_dps[:, 2] for b in blocks])
     cov = np.diag(noise.white_sd_dps**2 / n) + (terms * sd**2) @ terms.T
     if noise.ou_sd_dps > 0:
-        cov += noise.ou_sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / noise.ou_tau_s) * (run[:, None] == run)
+        cov += noise.ou_sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / noise.ou_tau_s) * (
+            cycle[:, None] == cycle if carried else run[:, None] == run
+        )
     for column, spread in zip(columns.T, spreads, strict=False):
         cov += spread**2 * np.outer(column, column) * (cycle[:, None] == cycle)
     inverse = np.linalg.inv(cov)
@@ -57,7 +61,8 @@ def test_the_evidence_is_the_density_of_the_readings(scales: Scales) -> None:
     ids = [o.effect.id for o in matrix.options]
     free = np.concatenate([fit.design.columns(i)[1 : 1 + len(fit.design.layout.fixed)] for i in range(len(blocks))], axis=1).T
     order = [*fit.design.layout.scenario, *(j for j in range(free.shape[1]) if j not in fit.design.layout.scenario)]
-    states = [0, 5, len(scales.states.log_weight) - 1]
+    states = [0, 5, int(np.argmax(scales.states.carried)) + 5, len(scales.states.log_weight) - 1]
+    assert [scales.states.carried[s] for s in states] == [False, False, True, True]
     gaps = []
     for chosen in ([], ["bias_temperature"], ["drift", "scale_asymmetry"]):
         forms = {e: (ids.index(e), 1) for e in chosen}
@@ -69,7 +74,7 @@ def test_the_evidence_is_the_density_of_the_readings(scales: Scales) -> None:
         for state, value in zip(states, found, strict=True):
             noise, spreads = scales.states.noises[state], scales.states.spreads[state]
             prior = _log_prior(scales, state)
-            expected = dense_log_density(fit, noise, spreads, dense, sd, free[:, order])
+            expected = dense_log_density(fit, noise, spreads, dense, sd, free[:, order], scales.states.carried[state])
             gaps.append(float(value) - prior - expected)
     assert np.ptp(gaps) < 0.02  # drift is constant within cells of time
 
@@ -78,7 +83,7 @@ def _log_prior(scales: Scales, state: int) -> float:
     """The logarithm of a state's own probability, which its weight holds."""
     from gyrocal.evidence.states import _drifts, _spreads
 
-    logs = [a + b for (_, a), (_, b) in product(_drifts(scales.matrix), _spreads(scales.matrix))]
+    logs = [a + b for (_, _, a), (_, b) in product(_drifts(scales.matrix), _spreads(scales.matrix))]
     return logs[state]
 
 

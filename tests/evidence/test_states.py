@@ -27,8 +27,11 @@ def test_a_state_is_what_is_left_with_each_column_of_the_model_taken_out_in_turn
     assert matrix.shared.size > 1
     states = States.of(matrix)
     for state in (0, len(states.noises) // 2, len(states.noises) - 1):
-        grams, _ = matrix.grams(states.noises[state])
+        carried = states.carried[state]
+        grams = matrix.grams(states.noises[state])[0]
         cycles = np.array([grams[matrix.design.scenarios == k].sum(axis=0) for k in range(3)])
+        if carried:
+            cycles = np.concatenate([one.normal_equations(states.noises[state])[0] for one in matrix.going_on])
         sd = np.array(states.spreads[state])
         left = integrated(cycles, matrix.of_cycles, sd)[0].sum(axis=0)
         size = np.sqrt(np.maximum(np.diagonal(left), 1e-300))
@@ -37,7 +40,8 @@ def test_a_state_is_what_is_left_with_each_column_of_the_model_taken_out_in_turn
         left[matrix.shared], left[:, matrix.shared] = 0.0, 0.0
         scale = np.outer(size, size)
         np.testing.assert_allclose(states.products[state] / scale, left / scale, atol=1e-9)
-        np.testing.assert_array_equal(beside_model(matrix, states.noises[state], states.spreads[state]), states.products[state])
+        again = beside_model(matrix, states.noises[state], states.spreads[state], carried=carried)
+        np.testing.assert_array_equal(again, states.products[state])
 
 
 def test_what_only_the_noise_of_a_measured_column_tells_from_it_is_not_weighed() -> None:

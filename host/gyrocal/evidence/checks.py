@@ -139,14 +139,19 @@ def _chances(
     taken, columns = np.concatenate(matrix.at), np.concatenate(matrix.further)
     sd = np.concatenate([scales.sd(*weighed.forms[e]) for e in order])
     states = scales.states
-    white = beside_model(matrix, states.noises[0], states.spreads[0])
+
+    def of_state(s: int) -> Array:
+        carried = states.carried[s] and bool(matrix.going_on)
+        return beside_model(matrix, states.noises[s], states.spreads[s], carried=carried)
+
+    white = of_state(0)
     plain = np.diagonal(white)[columns]
     power = {e: float(found[e] @ white[np.ix_(at, at)] @ found[e]) for e, at in zip(order, matrix.at, strict=True)}
     apart = plain > LEAST_APART * np.array([power[e] for e, _ in parts])  # else rounding alone is left beside the model
     likeliest = np.argsort(weighed.bare)[::-1][:STATES]
     chances, differences, shown = np.zeros(columns.size), np.zeros(columns.size), np.zeros(columns.size, dtype=bool)
     for state in likeliest.tolist():
-        products = integrated(beside_model(matrix, states.noises[state], states.spreads[state])[None], taken, sd)[0][0]
+        products = integrated(of_state(state)[None], taken, sd)[0][0]
         norm, variance = np.diagonal(products)[columns], products[0, 0] / states.degrees
         seen = apart & (norm > POLICY.shown_in_part * plain)
         statistic = np.where(seen, products[columns, 0] ** 2 / np.where(seen, norm, 1.0) / variance, 0.0)

@@ -13,6 +13,7 @@ from gyrocal.effects.base import Role
 from gyrocal.effects.quantities import RATE_STEP_DPS, with_faster_rate
 from gyrocal.evidence.discrepancy import Shape
 from gyrocal.evidence.hypotheses import Form, Option, of_reference, of_terms
+from gyrocal.inference.carried_drift import times_of_cycles
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise, Summed
@@ -148,6 +149,26 @@ class Matrix:
                 logdet[i] += np.log(own[j])
                 grams[i] -= np.outer(own, own / own[j])
         return grams, logdet
+
+    @cached_property
+    def going_on(self) -> tuple[Summed, ...]:
+        """The sums of each power cycle as of one run, whose drift goes on from run to run.
+
+        Empty where no power cycle has several runs, or where their order in time is not known. Where runs have coefficients of
+        their own, or columns have noise, drift begins anew in each run.
+        """
+        if self.of_runs.size or self.measured or self._free:
+            return ()
+        known = list(times_of_cycles(self.design))
+        ordered = all((np.diff(np.concatenate(times_s)) > 0).all() for _, times_s in known)
+        if not ordered or all(len(runs) == 1 for runs, _ in known):
+            return ()
+        at = {run: (of, k) for index, of in zip(self.design.alike, self.summed, strict=True) for k, run in enumerate(index)}
+        blocks = self.design.blocks
+        return tuple(
+            Summed.joined([at[i] for i in runs], [float(t[0] - blocks[i].t_s[0]) for i, t in zip(runs, times_s, strict=True)])
+            for runs, times_s in known
+        )
 
     @cached_property
     def _free(self) -> list[tuple[int, int]]:

@@ -1,7 +1,8 @@
 """The states that the noise of an axis may be in, and each one's sums with everything integrated out that is no hypothesis.
 
 The level of the noise is integrated exactly (Student's t). Drift and the spreads of bias and scale over power cycles are summed
-over a grid: the noise of the model without an effect is no measure of them, because it has swallowed the effect.
+over a grid: the noise of the model without an effect is no measure of them, because it has swallowed the effect. Drift goes on
+from run to run of a power cycle, or begins anew in each run, as where the part is clamped anew.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ DRIFTS = (0.25, 0.6, 1.5, 3.5, 8.0)
 """Standard deviations of the drift, in standard deviations of the white noise's mean over a second."""
 TIMES_S = (6.0, 25.0, 100.0, 400.0, 1600.0)
 """Correlation times of the drift, as far as they are shorter than the longest power cycle."""
+SHORT = 0.5
+"""Correlation times in lengths of a run that make no difference whether the drift goes on: it is another one by then."""
 BIAS_SPREADS_DPS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 SCALE_SPREADS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
 """Spreads of bias and scale over power cycles."""
@@ -46,24 +49,27 @@ class States:
     degrees: int
     noises: tuple[Noise, ...]
     """The noise [s] of each state."""
+    carried: tuple[bool, ...]
+    """Whether the drift of each state [s] goes on from run to run of a power cycle, or begins anew in each run."""
     spreads: tuple[tuple[float, ...], ...]
     """The spreads [s] of the columns of power cycles."""
 
     @staticmethod
     def of(matrix: Matrix) -> States:
         """All states of an axis."""
-        products, weights, noises = [], [], []
+        products, weights, noises, carried = [], [], [], []
         spreads = _spreads(matrix)
         sds, of_spread = np.array([sd for sd, _ in spreads]), np.array([log for _, log in spreads])
         drifts = _drifts(matrix)
-        for noise, log_prior in drifts:
-            cycles, of_runs = _of_cycles(matrix, noise)
+        for noise, goes_on, log_prior in drifts:
+            cycles, of_runs = _of_cycles(matrix, noise, carried=goes_on)
             total, of_columns = _beside(cycles, matrix.of_cycles, sds, matrix.shared)
             products.append(_told_from_noise(total, matrix, noise, sds) if matrix.measured else total)
             weights.append(log_prior + of_spread - 0.5 * (of_runs + of_columns))
             noises += [noise] * len(spreads)
+            carried += [goes_on] * len(spreads)
         degrees, of_all = matrix.n - matrix.shared.size, tuple(sd for sd, _ in spreads) * len(drifts)
-        return States(np.concatenate(products), np.concatenate(weights), degrees, tuple(noises), of_all)
+        return States(np.concatenate(products), np.concatenate(weights), degrees, tuple(noises), tuple(carried), of_all)
 
 
 def _told_from_noise(products: Array, matrix: Matrix, noise: Noise, sds: Array) -> Array:
@@ -80,8 +86,13 @@ def _told_from_noise(products: Array, matrix: Matrix, noise: Noise, sds: Array) 
     return np.where(told[:, :, None] & told[:, None, :], products, 0.0)
 
 
-def _of_cycles(matrix: Matrix, noise: Noise, *, as_measured: bool = False) -> tuple[Array, float]:
+def _of_cycles(
+    matrix: Matrix, noise: Noise, *, as_measured: bool = False, carried: bool = False
+) -> tuple[Array, float]:  # fmt: skip
     """Products [cycles, q, q] of each power cycle without the coefficients of each run, and the log-determinant of all."""
+    if carried:
+        found = [cycle.normal_equations(noise) for cycle in matrix.going_on]
+        return np.concatenate([of_one for of_one, _ in found]), sum(of_one for _, of_one in found)
     grams, logdet = matrix.grams(noise, as_measured=as_measured)
     if matrix.of_runs.size:
         sd = matrix.fit.spreads.run[list(matrix.design.layout.run_group)]
@@ -92,9 +103,9 @@ def _of_cycles(matrix: Matrix, noise: Noise, *, as_measured: bool = False) -> tu
     return (members @ grams.reshape(len(grams), -1)).reshape(-1, *grams.shape[1:]), float(logdet.sum())
 
 
-def beside_model(matrix: Matrix, noise: Noise, spreads: Sequence[float]) -> Array:
+def beside_model(matrix: Matrix, noise: Noise, spreads: Sequence[float], *, carried: bool = False) -> Array:
     """Products [q, q] in one state of the noise, without the columns of the model."""
-    cycles, _ = _of_cycles(matrix, noise)
+    cycles, _ = _of_cycles(matrix, noise, carried=carried)
     return _beside(cycles, matrix.of_cycles, np.array([spreads]), matrix.shared)[0][0]
 
 
@@ -141,19 +152,22 @@ def _beside(cycles: Array, columns: Index, sds: Array, free: Index) -> tuple[Arr
     return out, logdet
 
 
-def _drifts(matrix: Matrix) -> list[tuple[Noise, float]]:
-    """The states of drift with the logarithm of their probability."""
+def _drifts(matrix: Matrix) -> list[tuple[Noise, bool, float]]:
+    """The states of drift, whether it goes on from run to run of a power cycle, and the logarithm of their probability."""
     fit = matrix.fit
     white = matrix.white_sd_dps
     of_model = fit.design.noise_model.drift
     if of_model is None or of_model.known is not None:
-        return [(fit.noise.times(white / fit.noise.white_sd_dps), 0.0)]
+        return [(fit.noise.times(white / fit.noise.white_sd_dps), False, 0.0)]
     of_cycles = [np.concatenate(times_s) for _, times_s in times_of_cycles(fit.design)]
     longest_s, second = max((float(np.ptp(t_s)) for t_s in of_cycles), default=0.0), matrix.second_dps
     times_s = [t for t in TIMES_S if t <= max(longest_s, TIMES_S[0])]
-    states = [(Noise(white), float(np.log(ABSENT)))]
-    each = float(np.log((1 - ABSENT) / (len(DRIFTS) * len(times_s))))
-    return states + [(Noise(white, size * second, tau_s), each) for size, tau_s in product(DRIFTS, times_s)]
+    states = [(Noise(white), False, float(np.log(ABSENT)))]
+    run_s = float(np.median([np.ptp(b.t_s) for b in fit.design.blocks if b.t_s.size]))
+    longer = [t for t in times_s if t > SHORT * run_s] if matrix.going_on else []
+    times = [*product((False,), DRIFTS, times_s), *product((True,), DRIFTS, longer)]
+    each = float(np.log((1 - ABSENT) / len(times)))
+    return states + [(Noise(white, size * second, tau_s), on, each) for on, size, tau_s in times]
 
 
 def _spreads(matrix: Matrix) -> list[tuple[tuple[float, ...], float]]:

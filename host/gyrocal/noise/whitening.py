@@ -117,6 +117,19 @@ class Summed:
         owed = None if self.owed is None else self.owed[:, rows][:, :, rows]
         return replace(self, gram=gram, within=within, means=self.means.take(rows, axis=1), owed=owed)
 
+    @staticmethod
+    def joined(runs: Sequence[tuple[Summed, int]], later_s: Sequence[float]) -> Summed:
+        """The sums over runs that follow each other, as of one run: its drift goes on from each to the next.
+
+        Each of ``runs`` is the number of one within its sums, whose times are ``later_s`` after those of the first, s.
+        """
+        gram, within = (sum(getattr(of, name)[i : i + 1] for of, i in runs) for name in ("gram", "within"))
+        t_s = np.concatenate([of.t_s + by_s for (of, _), by_s in zip(runs, later_s, strict=True)])
+        return Summed(
+            gram, within, np.concatenate([of.means[i : i + 1] for of, i in runs], axis=-1), t_s,
+            np.concatenate([of.n for of, _ in runs]), sum(of.blocks for of, _ in runs), sum(of.log_n for of, _ in runs),
+        )  # fmt: skip
+
     def less(self, products: Array) -> Summed:
         """The same sums less ``products`` [runs, q, q], which columns owe to a noise of their own that is white.
 
