@@ -9,6 +9,7 @@ from by_hand import turned_by
 from gyrocal.calibration.trust import reading_flags
 from gyrocal.diagnosis.residual.reading_tests import reading_fault
 from gyrocal.plausibility import check
+from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.recording.session import AXES, Session
 from make_runs import Array, make_run, make_session
 
@@ -257,6 +258,16 @@ def test_both_ends_of_a_word_with_a_sign_are_clipped(lsb_dps: float | None) -> N
     session = make_session(make_run(t_s, y, rate_ref_dps=300 * np.sin(t_s)), lsb_dps=lsb_dps)
     (told,) = [w for w in check(session) if w.code == "clipped"]
     assert told.text.startswith(f"{at_ends} readings of z are at 250.13 dps")
+
+
+def test_few_readings_at_the_last_codes_of_a_word_are_clipped_where_nothing_is_stated() -> None:
+    """By hand: the rate is not known, and the grid of the readings alone says which word they are of."""
+    one_dps, t_s = 250 / 32768, np.arange(4000) / 100
+    codes = np.rint(np.random.default_rng(5).normal(0, 20, (t_s.size, 3)) + 30000 * np.sin(t_s)[:, None]).astype(int)
+    turning = make_session(make_run(t_s, codes * one_dps, table_rate_dps=0.0))
+    assert clip_level_dps(turning, 2) is None
+    codes[100:105, 2], codes[300:303, 2] = -32768, 32767
+    assert clip_level_dps(make_session(make_run(t_s, codes * one_dps, table_rate_dps=0.0)), 2) == pytest.approx(32767 * one_dps)
 
 
 @pytest.mark.parametrize("reading_dps", [240.0, 249.98, 249.99625, 250.0, 260.0])

@@ -222,9 +222,10 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
         beyond = np.concatenate([r.gyro_dps[at_full_scale(r, axis, session.full_scale_dps), axis] for r in session.runs])
         if beyond.size:
             return limit if heap else float(np.abs(beyond).min())
-    if heap and at_largest_code(limit, session.lsb_dps):
+    if heap and at_largest_code(limit, session.lsb_dps or step_dps(session, axis) or None):
         return limit
-    by_noise = detected is not None or (session.reference.kind == "gravity" and _at_both_ends(readings, limit))
+    by_hand = session.reference.kind == "gravity"
+    by_noise = detected is not None or (by_hand and _at_both_ends(readings, limit, step_dps(session, axis)))
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
     if stuck or not heap:
@@ -239,10 +240,15 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
     return None
 
 
-def _at_both_ends(readings: list[Array], limit: float) -> bool:
-    """True if many readings have the largest size in either sense, as no hand turns a sensor."""
+def _at_both_ends(readings: list[Array], limit: float, one_dps: float) -> bool:
+    """True if many readings have the largest size in either sense, as no hand turns a sensor.
+
+    A word with a sign has one code, ``one_dps``, more below zero than above.
+    """
     every = np.concatenate(readings)
-    return all(np.count_nonzero(sign * every > limit - 1e-6) >= POLICY.least_heap for sign in (1.0, -1.0))
+    ends = [float((sign * every).max()) for sign in (1.0, -1.0)]
+    heaps = [int(np.count_nonzero(sign * every > end - 1e-6)) for sign, end in zip((1.0, -1.0), ends, strict=True)]
+    return min(heaps) >= POLICY.least_heap and limit - min(ends) < 1.5 * one_dps
 
 
 def _recurs(session: Session, axis: int, at: list[Mask]) -> bool:

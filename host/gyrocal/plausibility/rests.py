@@ -203,9 +203,9 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
 
 
 def _gravity_turns_deg(run: Run) -> float:
-    """Largest angle between mean accelerations of one second each, less the part that vibration explains, deg.
+    """Largest angle between median accelerations of one second each, less the part that vibration explains, deg.
 
-    It is 0 without an accelerometer.
+    A few wrong packets turn no median. It is 0 without an accelerometer.
     """
     if run.acc_g is None or not np.isfinite(run.acc_g).all():
         return 0.0
@@ -214,11 +214,11 @@ def _gravity_turns_deg(run: Run) -> float:
     if count < 2:
         return 0.0
     seconds = run.acc_g[: count * size].reshape(count, size, 3)
-    means = seconds.mean(axis=1)
-    norms = np.linalg.norm(means, axis=1)
+    medians = np.median(seconds, axis=1)
+    norms = np.linalg.norm(medians, axis=1)
     if norms.min() < 0.3 * np.median(norms) or norms.min() <= 0:
         return 0.0
-    directions = means / norms[:, None]
+    directions = medians / norms[:, None]
     angle_deg = float(np.rad2deg(np.arccos(np.clip(np.min(directions @ directions[0]), -1.0, 1.0))))
     shaken_g = float(np.sqrt(np.mean(seconds.var(axis=1)) / size))
     return max(0.0, angle_deg - POLICY.vibration_errors * float(np.rad2deg(shaken_g / np.median(norms))))
