@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.errors import InputError
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.guess_units import Known
@@ -173,3 +174,26 @@ def test_what_nothing_decides_is_asked_for(consent: str, tmp_path: Path, capsys:
     maps = [part for a in "xyz" for part in ("--map", f"g{a}_dps=g{a}:rad/s")]
     assert main([*command, "--map", "t_s=t", *maps, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["guessed"] == []
+
+
+@pytest.mark.parametrize(
+    ("word", "unit"),
+    [(word, "mdps") for word in ("mdps", "mDeg", "mdeg/s", "mDeg/sec", "milli-deg/s", "millidps", "m°/s", "mdeg s^-1")]
+    + [(word, "mrad/s") for word in ("mrad/s", "mrad", "mRad/sec", "millirad/s", "mrad s^-1")],
+)
+def test_a_thousandth_of_a_unit_in_a_name_is_understood(word: str, unit: str) -> None:
+    """A BMI160 logged in mDeg is no table of raw counts up to a million."""
+    names = ["t [ms]", *(f"bmi160_g_{axis}[{word}]" for axis in "xyz")]
+    rates = np.random.default_rng(8).integers(-1_300_000, 1_300_000, (100, 3))
+    table = pl.DataFrame(np.column_stack([4 * np.arange(100), rates]), schema=names)
+    found = {g.map for g in guess(Source("a.csv", table), Scaling())}
+    assert {f"gx_dps={names[1]}:{unit}", f"gz_dps={names[3]}:{unit}"} <= found
+    with pytest.raises(InputError, match=r"up to 1\.2[0-9]*e\+06, more than a reading of 16 bits; say their unit"):
+        guess(Source("a.csv", table.rename(dict(zip(names[1:], ("gx", "gy", "gz"), strict=True)))), Scaling())
+
+
+def test_a_thousandth_of_an_angle_is_no_rate() -> None:
+    table = pl.DataFrame({"t [s]": np.arange(100) / 100, **{f"gyr_{axis} [dps]": np.zeros(100) for axis in "xyz"}})
+    for name, mapped in (("encoder_angle [mdeg]", "ref_angle_deg=encoder_angle [mdeg]:mdeg"), ("encoder [mrad]", None)):
+        found = {g.map for g in guess(Source("a.csv", table.with_columns(pl.lit(1.0).alias(name))), Scaling())}
+        assert {text for text in found if "encoder" in text} == ({mapped} if mapped else set())

@@ -17,9 +17,9 @@ STANDARD_GRAVITY = 9.80665
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_RATE = {"dps": 1.0, "deg/s": 1.0, "mdps": 1e-3, "rad/s": 180.0 / math.pi}
+_RATE = {"dps": 1.0, "deg/s": 1.0, "mdps": 1e-3, "rad/s": 180.0 / math.pi, "mrad/s": 0.18 / math.pi}
 _ACCELERATION = {"g": 1.0, "mg": 1e-3, "m/s2": 1.0 / STANDARD_GRAVITY, "m/s^2": 1.0 / STANDARD_GRAVITY}
-_ANGLE = {"deg": 1.0, "rad": 180.0 / math.pi, "turn": 360.0}
+_ANGLE = {"deg": 1.0, "rad": 180.0 / math.pi, "turn": 360.0, "mdeg": 1e-3, "mrad": 0.18 / math.pi}
 _TEMPERATURE = {"degC": (1.0, 0.0), "C": (1.0, 0.0), "K": (1.0, -273.15), "degF": (1 / 1.8, -32 / 1.8)}
 
 EUROC = (

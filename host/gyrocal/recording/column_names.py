@@ -21,14 +21,19 @@ BODY_RATES = {"x": "p", "y": "q", "z": "r"}
 OF_A_BODY = {"phi", "theta", "psi", "roll", "pitch", "yaw", "u", "v", "w", "ax", "ay", "az", "alpha", "beta"}
 NO_READING = r"(?:.*[/._])?(?:b_[wa]_rs_s|bias|biases)(?:[/._].*)?"
 """Words of a column that holds an estimated bias of a sensor, and none of its readings."""
+MILLI = r"m(?:illi[_-]?)?"
+"""A thousandth of a unit, before its words."""
 UNIT_WORDS = {
     "t_s": {
         "ns": "ns|nsec|nanoseconds?", "us": "us|µs|usec|micros|microseconds?", "ms": "ms|msec|millis|milliseconds?",
         "s": "s|secs?|seconds?",
     },
     "gyro": {
+        "mrad/s": rf"{MILLI}(?:rads?|radians?|rad(?:ian)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|radps|"
+        r"rad(?:ian)?s?_per_s(?:ec(?:ond)?)?)",
+        "mdps": rf"{MILLI}(?:dps|[°º]|[°º]/s(?:ec|econd)?|deg(?:ree)?s?|deg(?:ree)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|"
+        r"deg(?:ree)?s?_per_s(?:ec(?:ond)?)?)",
         "rad/s": r"rads?|radians?|rad(?:ian)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|radps|rad(?:ian)?s?_per_s(?:ec(?:ond)?)?",
-        "mdps": r"mdps|millidps|mdeg/s",
         "dps": r"dps|[°ºo]/s(?:ec|econd)?|d/s|deg(?:ree)?s?_?[/.]?s(?:ec|econd)?(?:-?1)?|degs|"
         r"deg(?:ree)?s?_per_s(?:ec(?:ond)?)?",
     },
@@ -36,7 +41,10 @@ UNIT_WORDS = {
         "m/s2": r"m/s2|m/s/s|m_?[.]?s-?2|ms2|mps2|m(?:eter)?s?_per_s(?:ec(?:ond)?)?(?:2|_squared)",
         "mg": "mg|milli_?gs?", "g": "gs?|g's|g_force",
     },
-    "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°|º"},
+    "angle": {
+        "mrad": rf"{MILLI}(?:rads?|radians?)", "mdeg": rf"{MILLI}(?:deg|degs|degrees?|°|º)", "rad": "rads?|radians?",
+        "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°|º",
+    },
     "temp_c": {"degC": "c|degc|°c|℃|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
 }  # fmt: skip
 """Words in a column's name that state its unit, as :func:`bare_name` writes them."""
@@ -78,8 +86,8 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
 
     The axis may come first (``x_gyro``), or be a number from 0 or 1.
     """
-    spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
-    units = rf"(?:[_.]?(?:{spelled}|mdps|deg|mg|gs?|raw))?"
+    spelled = "|".join([*UNIT_WORDS["gyro"].values(), UNIT_WORDS["acceleration"]["m/s2"]])
+    units = rf"(?:[_.]?(?:{spelled}|deg|mg|gs?|raw))?"
     kind = r"(?:[_.]?(?:cal|calib|calibrated|raw|out|value|axis|cnt|counts?|lsb))?(?:_\d{1,2})?"
     which = rf"(?:_?(?:calib|raw|adc|unfilt|out|smooth))?(?:_sensor)?(?:_\d{{1,3}})?(?:_{OF_A_PART})?"
     stem = rf"(?:.*[/._])?(?:{words}){which}{units}"

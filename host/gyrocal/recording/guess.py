@@ -376,13 +376,14 @@ def _reference(source: Source, found: Mapping[str, Guess]) -> Guess | None:
     taken = {g.map.partition("=")[2] for g in found.values()}
     unit_of_gyro = next((g.map.rpartition(":")[2] for name, g in found.items() if name.startswith("g") and ":" in g.map), "dps")
     for name in source.frame.columns:
-        bare, _ = bare_name(name)
+        bare, words = bare_name(name)
         if name in taken or not values_of(source, name).size:
             continue
         rate = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{RATE})?(?:[ _.-]?(?:dps|rad_?s|rads|mdps|deg_?s))?"
         angle = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{ANGLE})(?:[ _.-]?(?:deg|degs|rad|rads|turns?))?"
         stated = stated_unit(name, "gyro")
-        if re.fullmatch(rate, bare) and (stated or re.search(rf"(?:{RATE})$", bare)):
+        of_angle = any(re.fullmatch(known, words) for known in UNIT_WORDS["angle"].values())
+        if re.fullmatch(rate, bare) and ((stated and not of_angle) or re.search(rf"(?:{RATE})$", bare)):
             why = "the unit is in its name" if stated else "its name; the unit is taken to be the gyroscope's"
             return Guess(f"rate_ref_dps={name}:{stated or unit_of_gyro}", f"the true rate: {why}")
         stated = stated_unit(name, "angle")

@@ -25,6 +25,8 @@ LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
 COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
+LARGEST_WORD = 65535.0
+"""Largest code of a word of 16 bits: larger whole numbers may as well be of a small unit."""
 COUNTS_PER_DPS = 131
 """Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
 ACCELERATIONS = (("m/s2", STANDARD_GRAVITY), ("mg", 1e3), ("g", 1.0))
@@ -181,6 +183,11 @@ def check_signed(source: Source, names: Sequence[str]) -> None:
 def _counts(source: Source, name: str, values: Array) -> InputError:
     """The refusal of raw counts whose size is not known."""
     largest = float(np.abs(values).max())
+    if largest > LARGEST_WORD:
+        return InputError(
+            f"{source.label}: {name} holds whole numbers up to {largest:.6g}, more than a reading of 16 bits; say their unit, "
+            f"for example --map gx_dps={name}:mdps, or what one count is, by --lsb-dps"
+        )
     return InputError(
         f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
         f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones map each axis, as by "
