@@ -16,7 +16,7 @@ from gyrocal.recording.column_map import ColumnMap, Scaling
 from gyrocal.recording.first_rows import first_rows
 from gyrocal.recording.guess import guess
 from gyrocal.recording.import_options import Options
-from gyrocal.recording.importer import import_recording, read_recording
+from gyrocal.recording.importer import Imported, import_recording, read_recording
 from gyrocal.recording.readers import read
 from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
@@ -147,15 +147,57 @@ def test_a_stated_size_of_a_count_holds_for_few_counts_too() -> None:
     assert "gx_dps=gx:dps" in {g.map for g in guess(Source("a.csv", table), Scaling())}
 
 
-@pytest.mark.parametrize("maps", [(), ("t_s=t:s", *(f"g{a}_dps=g{a}:counts" for a in "xyz"))])
-def test_counts_without_their_sign_are_refused_with_the_size_of_one_too(tmp_path: Path, maps: tuple[str, ...]) -> None:
+COUNTS = ("t_s=t:s", *(f"g{a}_dps=g{a}:counts" for a in "xyz"))
+
+
+def counts_of(tmp_path: Path, codes: np.ndarray, maps: tuple[str, ...] = (), lsb_dps: float | None = 0.01) -> Imported:
+    """The import of six columns of codes of 16 bits, at rest."""
+    time = np.arange(len(codes)) / 100
+    table = {"t": time, **{name: codes[:, i] for i, name in enumerate([*xyz("g"), *xyz("a")][: codes.shape[1]])}}
+    pl.DataFrame(table).write_csv(tmp_path / "a.csv")
+    scaling = Scaling(lsb_dps=lsb_dps)
+    return read_recording(tmp_path / "a.csv", Options(maps=maps, scaling=scaling, defaults={"table_rate_dps": 0.0}))
+
+
+@pytest.mark.parametrize("maps", [(), COUNTS, ("t_s=t:s", *(f"g{a}_dps=g{a}*0.01" for a in "xyz"))])
+def test_counts_that_lost_their_sign_get_it_back(tmp_path: Path, maps: tuple[str, ...]) -> None:
     rng = np.random.default_rng(4)
-    counts = rng.integers(-40, 40, (500, 3)) % 65536
-    table = pl.DataFrame({"t": np.arange(500) / 100, **{f"g{a}": counts[:, i] for i, a in enumerate("xyz")}})
-    table.write_csv(tmp_path / "a.csv")
-    options = Options(maps=maps, scaling=Scaling(lsb_dps=0.00763), defaults={"table_rate_dps": 0.0})
-    with pytest.raises(InputError, match=r"without their sign.*Subtract 65536"):
-        read_recording(tmp_path / "a.csv", options)
+    counts = np.column_stack([rng.integers(-300, 300, (500, 3)), rng.integers(-20, 20, (500, 2)), np.full(500, -16384)])
+    found = counts_of(tmp_path, counts % 65536, maps)
+    np.testing.assert_allclose(found.session.runs[0].gyro_dps, 0.01 * counts[:, :3], atol=1e-9)
+    assert found.repaired == {"signs": np.sum(counts[:, : 3 if maps else 6] < 0)}
+    if not maps:
+        np.testing.assert_allclose(found.session.runs[0].table["az_g"].to_numpy(), -1.0, atol=0.01)
+
+
+def test_counts_that_lost_their_sign_get_it_back_beside_a_damaged_cell(tmp_path: Path) -> None:
+    counts = np.random.default_rng(4).integers(-300, 300, (500, 3))
+    counts_of(tmp_path, counts % 65536)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    lines[8] = "0.07,1,?!,3"
+    (tmp_path / "b.csv").write_text("\n".join(lines) + "\n")
+    options = Options(scaling=Scaling(lsb_dps=0.01), defaults={"table_rate_dps": 0.0})
+    found = read_recording(tmp_path / "b.csv", options)
+    assert found.repaired["rows"] == 1
+    assert found.session.runs[0].gyro_dps.min() == pytest.approx(-3.0, abs=0.05)
+
+
+@pytest.mark.parametrize("maps", [(), COUNTS])
+def test_counts_whose_sign_is_not_sure_are_refused_with_both_possibilities(tmp_path: Path, maps: tuple[str, ...]) -> None:
+    """All are negative, or far above the middle: nothing steps across an end of the range."""
+    codes = np.random.default_rng(4).integers(64000, 65000, (500, 3))
+    with pytest.raises(InputError, match=r"without their sign.*subtract 65536.*or 32768 is zero"):
+        counts_of(tmp_path, codes, maps)
+
+
+@pytest.mark.parametrize("reach", [300, 32767])
+def test_counts_about_the_middle_of_the_range_stay(tmp_path: Path, reach: int) -> None:
+    codes = 32768 + np.rint(reach * np.sin(np.linspace(0, 60, 500)))[:, None].astype(int) * [1, 1, 1]
+    with pytest.raises(InputError, match=r"gx holds raw counts up to .*subtract 65536.*or 32768 is zero"):
+        counts_of(tmp_path, codes, lsb_dps=None)
+    found = counts_of(tmp_path, codes, ("t_s=t:s", *(f"g{a}_dps=(g{a}-32768)/100" for a in "xyz")))
+    np.testing.assert_allclose(found.session.runs[0].gyro_dps, (codes - 32768) / 100, atol=1e-9)
+    assert not found.repaired
 
 
 def test_a_part_number_in_a_name_and_the_acceleration_that_shows_gravity() -> None:

@@ -25,6 +25,7 @@ REPAIRED = {
     "cells": "cells of text in optional columns were taken as missing",
     "stamps": "damaged times were put onto the course of the others",
     "orientations": "orientations whose quaternion has not the length 1 were taken as missing",
+    "signs": "counts of 16 bits were stored without their sign: 65536 was subtracted from these, which are above 32767",
     "resampled": "samples of faster runs were averaged to the session's rate",
 }
 META = "PATTERN:key=value,..."

@@ -175,8 +175,7 @@ def check_signed(source: Source, names: Sequence[str]) -> None:
             continue
         if float(np.mean((values > 49152) | (values < 16384))) > 0.99:
             raise InputError(
-                f"{source.label}: {name} holds counts of 16 bits without their sign: those above 32767 are negative. "
-                "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
+                f"{source.label}: {name} holds counts of 16 bits without their sign: {_zeros('COLUMN')}"
             )
 
 
@@ -190,8 +189,15 @@ def _counts(source: Source, name: str, values: Array) -> InputError:
         )
     return InputError(
         f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
-        f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones map each axis, as by "
-        f"--map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
+        f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones, {_zeros(name)}"
+    )
+
+
+def _zeros(name: str) -> str:
+    """What unsigned counts may be, in words: two's complement, or counts about the middle of the range."""
+    return (
+        "either those above 32767 are negative: subtract 65536 from these, then say how many make one dps, as by --map "
+        f"gx_dps={name}/{COUNTS_PER_DPS}; or 32768 is zero: map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
     )
 
 

@@ -243,6 +243,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     hung = sum(w.code == "constant_reading" for w in evened)
     counts = {"rests": rests, "hung": hung, "times": times, "rows": table.left_out, "twice": table.repeated}
     counts |= {"cells": table.cells, "stamps": table.stamps, "orientations": table.orientations}
+    counts["signs"] = sum(source.signed.get(m.column, 0) for m in mappings)
     rates = [m.column for m in mappings if m.target in REQUIRED[1:]]
     corrected = corrected_by(rates, source.names or source.frame.columns, path, source.label.removeprefix(str(path)))
     session = Session(

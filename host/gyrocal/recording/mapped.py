@@ -9,13 +9,15 @@ from pathlib import Path
 from gyrocal.errors import InputError
 from gyrocal.recording import joined, readers
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference
+from gyrocal.recording.column_names import GYRO, every_named
 from gyrocal.recording.cut import with_meta
-from gyrocal.recording.guess import Guess, guess, time_column
+from gyrocal.recording.guess import ACCELERATION, Guess, guess, time_column
 from gyrocal.recording.guess_units import Known, check_signed, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.session import AXES
+from gyrocal.recording.signs import with_signs
 from gyrocal.recording.source import Source
 from gyrocal.recording.split_stamps import is_whole_stamp, with_whole_stamps
 from gyrocal.recording.table import REQUIRED
@@ -74,6 +76,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     complete = any(f"g{a}_dps" in targets for a in AXES)
     source = source_of(files, names if complete else (), options)
     source.check_has(names)
+    source = with_signs(source, _readings(source, mappings, complete))
     check_signed(source, [m.column for m in mappings if m.unit == COUNTS and not m.offset])
     if complete:
         return Mapped(mappings, source)
@@ -98,6 +101,15 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
     return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
+
+
+def _readings(source: Source, mappings: Sequence[ColumnMap], complete: bool) -> list[str]:
+    """The columns of a gyroscope and an accelerometer that are mapped without a zero, and unless all are, those named so."""
+    targets = {f"{quantity}{a}_{unit}" for quantity, unit in (("g", "dps"), ("a", "g")) for a in AXES}
+    mapped = [m.column for m in mappings if m.target in targets and not m.offset]
+    named = [] if complete else [n for words in (GYRO, ACCELERATION) for a in AXES for n in every_named(source, words, a)]
+    shifted = {m.column for m in mappings if m.offset}
+    return [name for name in dict.fromkeys((*mapped, *named)) if name not in shifted]
 
 
 def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN) -> Source:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +59,9 @@ class Source:
     """The names of all of the file's columns, where the table does not hold them all."""
     other_lengths: tuple[str, ...] = ()
     """Arrays of the file with another number of entries, which are no columns of the table, each with that number in words."""
+
+    signed: Mapping[str, int] = field(default_factory=dict)
+    """The columns whose counts had lost their sign, and the negative readings of each."""
 
     def check_has(self, names: Sequence[str]) -> None:
         """Raise InputError if one of the columns is missing."""
