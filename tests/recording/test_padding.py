@@ -80,3 +80,41 @@ def test_zeros_that_a_sensor_may_read_stay(kind: str, tmp_path: Path) -> None:
         gyro[-12:] = 0.0
     assert np.all(gyro[-12:] == 0)
     assert "rows" not in imported(tmp_path, gyro).repaired
+
+
+def with_tail(t_end: float) -> tuple[Array, Array, Array]:
+    """Readings with gravity whose last rows repeat one, time and all."""
+    gyro, acc_g, t_s = noise("white"), np.random.default_rng(1).normal([0, 0, 1.0], 0.01, (N, 3)), np.arange(N) / 100
+    gyro[-3 * ZEROS :], acc_g[-3 * ZEROS :], t_s[-3 * ZEROS :] = -0.0076, -0.0006, t_end
+    return gyro, acc_g, t_s
+
+
+@pytest.mark.parametrize("t_end", [2.0**32 - 1, 4294967.295, -1.0])
+@pytest.mark.parametrize("guessed", [False, True])
+def test_erased_memory_at_the_end_of_a_file_is_left_out(t_end: float, guessed: bool, tmp_path: Path) -> None:
+    """All bits of erased flash are set: each channel is constant, and the time is the largest number, or -1."""
+    gyro, acc, t_s = with_tail(t_end)
+    if guessed:
+        names = ["time", "ax", "ay", "az", "gx", "gy", "gz", "temp"]
+        temp = np.where(np.arange(N) < N - 3 * ZEROS, 25.0, np.nan)[:, None]
+        frame = pl.DataFrame(np.column_stack([t_s, acc * 9.81, gyro, temp]), schema=names)
+        frame.with_columns(pl.col("temp").cast(pl.String)).write_csv(tmp_path / "log.csv")
+        found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+        assert {"t_s=time:s", "az_g=az:m/s2"} <= {g.map for g in found.guessed}
+    else:
+        found = imported(tmp_path, gyro, acc, t_s)
+    assert found.repaired == {"rows": 3 * ZEROS}
+    assert len(found.session.runs[0]) == N - 3 * ZEROS
+    (told,) = found.warnings
+    assert told.code == "line_damaged"
+    assert "717 rows of erased memory are left out, which repeat one row at the file's end, time and all" in told.text
+    assert f"(from row {N - 3 * ZEROS + 2} on)" in told.text
+
+
+def test_a_logger_that_hung_at_the_end_wrote_no_erased_memory(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    """Its last row is on the clock's course, and is kept once."""
+    gyro, acc, t_s = with_tail((N - 3 * ZEROS) / 100)
+    found = imported(tmp_path, gyro, acc, t_s)
+    assert found.repaired == {"twice": 3 * ZEROS - 1}
+    assert len(found.session.runs[0]) == N - 3 * ZEROS + 1
+    assert not recwarn.list

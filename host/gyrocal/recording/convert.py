@@ -40,7 +40,7 @@ class Converted:
     gaps: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     damage: str = ""
     left_out: int = 0
-    """Rows without a sample: damaged ones, lines of text, and zeros before the first reading or after the last."""
+    """Rows without a sample: damaged ones, lines of text, zeros at either end, and erased memory behind the last reading."""
     cells: int = 0
     """Text in optional columns, taken as missing."""
     repeated: int = 0
@@ -100,7 +100,18 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
 
 def _mended(source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None) -> Converted:
     read = _with_course(source, _without_padding(source, mappings, table))
-    return _with_rotations(source, _finished(read, rate_hz))
+    return _with_rotations(source, _finished(_told_erased(source, read), rate_hz))
+
+
+def _told_erased(source: Source, table: Converted) -> Converted:
+    """The table, with the rows of erased memory counted that were behind it."""
+    if not source.erased:
+        return table
+    told = (
+        f"{source.erased} rows of erased memory are left out, which repeat one row at the file's end, time and all (from row "
+        f"{source.first_row + source.frame.height} on)"
+    )
+    return replace(table, damage=", and ".join(filter(None, (table.damage, told))), left_out=table.left_out + source.erased)
 
 
 def _without_padding(source: Source, mappings: Sequence[ColumnMap], table: Converted) -> Converted:
@@ -199,7 +210,7 @@ def _written_once(table: Converted) -> Converted:
     if kept.sum() < 2:
         return table
     steps_s, copied = np.diff(t_s[kept]), np.append(twice, False)[kept][:-1]
-    if not copied.all() and np.median(steps_s[copied]) > LONGER * np.median(steps_s[~copied]):
+    if copied.any() and not copied.all() and np.median(steps_s[copied]) > LONGER * np.median(steps_s[~copied]):
         return table
     rows = np.delete(np.arange(table.height), table.gaps)
     columns = {name: column[kept] for name, column in table.columns.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gyrocal.errors import InputError
@@ -16,6 +16,7 @@ from gyrocal.recording.guess_units import Known, check_signed, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
+from gyrocal.recording.padding import erased_from
 from gyrocal.recording.session import AXES
 from gyrocal.recording.signs import with_signs
 from gyrocal.recording.source import Source
@@ -76,6 +77,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     complete = any(f"g{a}_dps" in targets for a in AXES)
     source = source_of(files, names if complete else (), options)
     source.check_has(names)
+    source = _without_erased(source)
     source = with_signs(source, _readings(source, mappings, complete))
     check_signed(source, [m.column for m in mappings if m.unit == COUNTS and not m.offset])
     if complete:
@@ -101,6 +103,13 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     found = guess(source, scaling, reference=wanted, known=known)
     guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
     return Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
+
+
+def _without_erased(source: Source) -> Source:
+    """The table without the rows of erased memory behind its last reading."""
+    end = erased_from(source.frame)
+    height = source.frame.height
+    return source if end == height else replace(source, frame=source.frame.head(end), erased=height - end)
 
 
 def _readings(source: Source, mappings: Sequence[ColumnMap], complete: bool) -> list[str]:

@@ -1,4 +1,6 @@
-"""Rows of zeros before the first reading or after the last one: a program filled its array, and no sensor read them."""
+"""Rows before the first reading or after the last one that no sensor read: a program filled its array with zeros, or wrote out
+erased memory, all of whose bits are set.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import polars as pl
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -16,6 +19,38 @@ BESIDE = 2
 """Rows next to the zeros that a filter may have smeared."""
 SELDOM, GRAVITY = 0.01, 0.5
 """Accelerations hold gravity if no more than the first part of their sizes is below the second part of the usual one."""
+FORWARD, BACK = 0.5, 0.01
+"""Parts of the steps of a clock that go forward, at least, and back, at most."""
+
+
+def erased_from(frame: pl.DataFrame) -> int:
+    """The first of the rows at a table's end that are of erased memory; its height if there are none.
+
+    They repeat one row, time and all, and their time is far off the course of the clock: the largest number, or below zero. A
+    sensor or a logger that hung repeats a row whose time is on the course.
+    """
+    if not frame.width or any(column.n_unique() > 1 for column in frame.tail(WINDOW)):
+        return frame.height
+    begin = max(_repeats_from(column) for column in frame)
+    if frame.height - begin < WINDOW or begin < 2:
+        return frame.height
+    columns = (column for column in frame.head(begin + 1) if column.dtype.is_numeric() or column.dtype == pl.String)
+    clocks = (column.cast(pl.Float64, strict=False).to_numpy() for column in columns)
+    return begin if any(_leaves_course(t) for t in clocks) else frame.height
+
+
+def _repeats_from(column: pl.Series) -> int:
+    """The row from which on a column is constant up to its end."""
+    others = (~column.eq_missing(column[-1])).arg_true() if column[-1] is not None else column.is_not_null().arg_true()
+    return int(others[-1]) + 1 if len(others) else 0
+
+
+def _leaves_course(t: Array) -> bool:
+    """True if a column [n] is a clock up to its last entry, which is further ahead than all before are apart, or negative."""
+    steps = np.diff(t[:-1])
+    if np.mean(steps > 0) < FORWARD or np.mean(steps < 0) > BACK:
+        return False
+    return bool(t[-1] - t[-2] > t[-2] - t[0] or t[-1] < min(0.0, t[0]))
 
 
 def readings_within(gyro: Sequence[Array], acc: Sequence[Array]) -> tuple[int, int]:

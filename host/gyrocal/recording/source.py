@@ -60,6 +60,8 @@ class Source:
     other_lengths: tuple[str, ...] = ()
     """Arrays of the file with another number of entries, which are no columns of the table, each with that number in words."""
 
+    erased: int = 0
+    """Rows behind the table that are of erased memory, and no part of it."""
     signed: Mapping[str, int] = field(default_factory=dict)
     """The columns whose counts had lost their sign, and the negative readings of each."""
 
