@@ -46,6 +46,7 @@ def xyz(stem: str) -> list[str]:
         (columns(["timestamp_us", *xyz("gyro_"), *xyz("acc_")], 50, 9.8, 1e6), ["us", "dps", "m/s2"]),
         (columns(["ustime", *xyz("gyro_"), *xyz("acc_")], 50, 9.8, 1e6), ["us", "dps", "m/s2"]),
         (columns(["Time (ms)", "Gyro X (deg/s)", "Gyro Y (deg/s)", "Gyro Z (deg/s)"], 3, 1, 1e3), ["ms", "dps"]),
+        (columns(["Time", "GyroX", "GyroY", "GyroZ", "GForceX", "GForceY", "GForceZ"], 80, 1.0, 1), ["s", "dps", "g"]),
         (columns(["t", "w_x [rad/s]", "w_y [rad/s]", "w_z [rad/s]"], 3, 1, 1), ["s", "rad/s"]),
         (columns(["stamp_ns", *xyz("imu.angular_velocity.")], 300, 1, 1e9), ["ns", "dps"]),
         (columns(["t", "gyr.0", "gyr.1", "gyr.2", *xyz("acc"), "temp"], 300, 1000, 1, 298), ["s", "dps", "mg", "K"]),

@@ -35,8 +35,8 @@ TIME = (
     r"sample_time_fine|timestamp_unix|time_?startup|ts|tow|epoch|elapsed|cts"
 )
 ACCELERATION = (
-    r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|gf|g_f|"
-    r"lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?|fb"
+    r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|"
+    r"g_?f(?:orce)?|lin(?:ear)?_?acc(?:eleration)?|a_rs_s|imu\.acc|all_accel_2|beschleunigung|acel(?:erometro)?|fb"
 )
 TEMPERATURE = r"t|t_?(?:die|chip|imu|sensor)|die_?t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 MAGNETIC = r"mag|(?:^|[/._ ])[uµμn]_?t$"
