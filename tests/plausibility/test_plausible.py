@@ -211,6 +211,16 @@ def test_gravity_turns_in_a_rest() -> None:
     assert "gravity" in told.text
 
 
+def test_a_few_wrong_packets_turn_no_gravity() -> None:
+    session = sound()
+
+    def broken(run: Run) -> Run:
+        wrong = np.isin(np.arange(len(run)), [200, 201, 202])
+        return changed(run, ax_g=np.where(wrong, -26.0, 0.0), az_g=np.where(wrong, 26.0, float(run.face_sign)))
+
+    assert check(one(session, first_rest(session), broken)) == []
+
+
 def test_a_face_at_rest_that_gravity_contradicts() -> None:
     session = sound()
     (told,) = check(one(session, first_rest(session), turned_over))
