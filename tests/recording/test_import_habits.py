@@ -119,7 +119,7 @@ COUNTS = np.rint(GYRO_DPS * 131).astype(int)
 UNSIGNED = COUNTS % 65536
 MONITORED = "".join(f"12:01:{t:06.3f} > {','.join(row[1:])}\n" for t, row in zip(T_S, ROWS, strict=True))
 REFUSED: dict[str, tuple[str, str]] = {
-    "16 bits without a sign": (text([[r[0], *map(str, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "Subtract 65536"),
+    "16 bits without a sign": (text([[r[0], *map(str, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "131 counts per dps"),
     "counts about a zero": (text([[r[0], *map(str, c + 32768)] for r, c in zip(ROWS, COUNTS, strict=True)]), "-32768)/131"),
     "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
     "a serial monitor's stamps without a header": (MONITORED, "name all columns, as by --columns time,gx,gy,gz"),

@@ -174,9 +174,7 @@ def check_signed(source: Source, names: Sequence[str]) -> None:
         if not values.size or values.min() < 0 or values.max() <= 49152 or not np.array_equal(values, np.rint(values)):
             continue
         if float(np.mean((values > 49152) | (values < 16384))) > 0.99:
-            raise InputError(
-                f"{source.label}: {name} holds counts of 16 bits without their sign: {_zeros('COLUMN')}"
-            )
+            raise InputError(f"{source.label}: {name} holds counts of 16 bits without their sign: {_zeros('COLUMN')}")
 
 
 def _counts(source: Source, name: str, values: Array) -> InputError:
