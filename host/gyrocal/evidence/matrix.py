@@ -13,7 +13,7 @@ from gyrocal.effects.base import Role
 from gyrocal.effects.quantities import RATE_STEP_DPS, with_faster_rate
 from gyrocal.evidence.discrepancy import Shape
 from gyrocal.evidence.hypotheses import Form, Option, of_reference, of_terms
-from gyrocal.inference.carried_drift import times_of_cycles
+from gyrocal.inference.carried_drift import follow_each_other, times_of_cycles
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise, Summed
@@ -154,14 +154,13 @@ class Matrix:
     def going_on(self) -> tuple[Summed, ...]:
         """The sums of each power cycle as of one run, whose drift goes on from run to run.
 
-        Empty where no power cycle has several runs, or where their order in time is not known. Where runs have coefficients of
+        Empty where no power cycle has several runs, or where two of them are at the same time. Where runs have coefficients of
         their own, or columns have noise, drift begins anew in each run.
         """
         if self.of_runs.size or self.measured or self._free:
             return ()
         known = list(times_of_cycles(self.design))
-        ordered = all((np.diff(np.concatenate(times_s)) > 0).all() for _, times_s in known)
-        if not ordered or all(len(runs) == 1 for runs, _ in known):
+        if not follow_each_other(known):
             return ()
         at = {run: (of, k) for index, of in zip(self.design.alike, self.summed, strict=True) for k, run in enumerate(index)}
         blocks = self.design.blocks

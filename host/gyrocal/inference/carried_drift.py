@@ -38,8 +38,7 @@ def carried_factor(current: AxisFit) -> Array:
         return np.ones(own.size)
     known = list(times_of_cycles(current.design))
     accounts = [[_summed(current, runs, _apart(times)) for runs, times in known]]
-    in_order = all((np.diff(np.concatenate(times)) > 0).all() for _, times in known)
-    if in_order and any(len(runs) > 1 for runs, _ in known):
+    if follow_each_other(known):
         accounts.append([_summed(current, runs, times) for runs, times in known])
     noises = [_slower(current.noise, times) for times in TIMES.tolist()]
     white = _solved(current, accounts[0], [replace(current.noise, ou_sd_dps=0.0)])
@@ -62,6 +61,12 @@ def times_of_cycles(design: Design) -> Iterator[tuple[list[int], list[Array]]]:
         runs.sort(key=lambda i: float(times[i][0]))
         if runs:
             yield runs, [times[i] for i in runs]
+
+
+def follow_each_other(known: Sequence[tuple[Sequence[int], Sequence[Array]]]) -> bool:
+    """True if a power cycle has several runs, and no two runs of one are at the same time; ``known`` as of `times_of_cycles`."""
+    ordered = all((np.diff(np.concatenate(times)) > 0).all() for _, times in known)
+    return ordered and any(len(runs) > 1 for runs, _ in known)
 
 
 def _apart(times: Sequence[Array]) -> list[Array]:
