@@ -64,7 +64,10 @@ def times_of_cycles(design: Design) -> Iterator[tuple[list[int], list[Array]]]:
 
 
 def follow_each_other(known: Sequence[tuple[Sequence[int], Sequence[Array]]]) -> bool:
-    """True if a power cycle has several runs, and no two runs of one are at the same time; ``known`` as of `times_of_cycles`."""
+    """True if a power cycle has several runs, and no two of one are at the same time.
+
+    ``known`` holds the runs of each cycle and the times [m] of their blocks, s.
+    """
     ordered = all((np.diff(np.concatenate(times)) > 0).all() for _, times in known)
     return ordered and any(len(runs) > 1 for runs, _ in known)
 
