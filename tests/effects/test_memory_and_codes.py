@@ -395,3 +395,18 @@ def test_a_table_that_holds_a_rate_beyond_the_range_comes_to_the_limit_once(
     found = fault.detect([run], 2)
     assert (found is not None) is (limit_dps < 1000)
     assert found is None or found.values["full_scale_dps"] == pytest.approx(limit_dps, abs=LSB_DPS)
+
+
+@pytest.mark.parametrize("limit_dps", [150.0, 1000.0])
+@pytest.mark.parametrize("unit", [1.0, 4.0])
+def test_a_reference_of_another_unit_clips_nothing(make_run: MakeRun, unit: float, limit_dps: float) -> None:
+    """Clipping is what the reference says beyond what its slower rates say. The readings were corrected after it."""
+    rng, t_s = np.random.default_rng(5), np.arange(20000) / 100
+    turns = [np.sin(2 * np.pi * f * t_s + rng.uniform(0, 6)) for f in (0.11, 0.37, 0.73, 1.1)]
+    w_dps = 80 * np.sum(turns, axis=0)
+    y_dps = np.clip(w_dps + rng.normal(0, 0.1, t_s.size), -limit_dps, limit_dps) * 0.98 + 0.3 + rng.normal(0, 0.3, t_s.size)
+    fault = effect("saturation").fault
+    assert fault is not None
+    found = fault.detect([swinging(make_run, y_dps, unit * w_dps)], 2)
+    assert (found is not None) is (limit_dps < 200)
+    assert found is None or found.values["full_scale_dps"] == pytest.approx(0.98 * 150.0, rel=0.03)

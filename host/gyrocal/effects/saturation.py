@@ -62,6 +62,14 @@ def _mean_dwell(sizes: Sequence[Array], low: float, high: float) -> float:
     return max(1.0, samples / max(1, sum(_dwells(size, low, high) for size in sizes)))
 
 
+def _slope(runs: Sequence[Run], axis: int, most_dps: float) -> float:
+    """The part of the true rate that readings show of rates of at most ``most_dps``, [0, 1]."""
+    read, true = (np.concatenate(of) for of in ([r.gyro_dps[:, axis] for r in runs], [r.rate_dps for r in runs]))
+    small = np.abs(true) < most_dps
+    power = float(true[small] @ true[small])
+    return float(np.clip(true[small] @ read[small] / power, 0.0, 1.0)) if power > 0 else 1.0
+
+
 class Saturation(ReadingFault):
     id = "saturation"
     title = "Clipping at full scale"
@@ -159,11 +167,12 @@ class Saturation(ReadingFault):
         return Detected({"full_scale_dps": limit}, {}, _chance(np.array(beyond), elsewhere))
 
     def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Readings that stay near the largest one, in either sense, while a measured true rate is far beyond.
+        """Readings that stay near the largest one, in either sense, while the measured rate would make them far larger.
 
         A reading that is corrected or filtered after it was clipped differs from sample to sample, and the two ends differ. A
         sound reading would spread over the range of the true rates of these samples. It stays in the narrow range near the
-        largest reading with a probability of less than the ratio of both ranges, for each time that it comes there.
+        largest reading with a probability of less than the ratio of both ranges, for each time that it comes there. Slower rates
+        tell what is read of a rate, because the reference may be of another unit, or of another motion.
         """
         mine = [r.about(AXES[axis]) for r in runs if r.measured_rates is not None and (r.three_axes or r.axis_index == axis)]
         ends, chance = [], 1.0
@@ -171,7 +180,7 @@ class Saturation(ReadingFault):
             y = [sign * r.gyro_dps[:, axis] for r in mine]
             limit = max((float(v.max()) for v in y), default=0.0) * (1 - END)
             at = [v > limit for v in y]
-            rates = [sign * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
+            rates = [sign * _slope(mine, axis, 0.5 * limit) * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
             true_dps = np.concatenate(rates) if rates else np.zeros(0)
             true_dps = true_dps[np.isfinite(true_dps)]
             if limit <= 0 or true_dps.size < LEAST_HEAPED or float(np.median(true_dps)) < BEYOND * limit / (1 - END):
