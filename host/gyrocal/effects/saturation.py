@@ -171,8 +171,8 @@ class Saturation(ReadingFault):
 
         A reading that is corrected or filtered after it was clipped differs from sample to sample, and the two ends differ. A
         sound reading would spread over the range of the true rates of these samples. It stays in the narrow range near the
-        largest reading with a probability of less than the ratio of both ranges, for each time that it comes there. Slower rates
-        tell what is read of a rate, because the reference may be of another unit, or of another motion.
+        largest reading with a probability of less than the ratio of both ranges, for each time that it comes there. Slower
+        rates tell what is read of a rate, because the reference may be of another unit, or of another motion.
         """
         mine = [r.about(AXES[axis]) for r in runs if r.measured_rates is not None and (r.three_axes or r.axis_index == axis)]
         ends, chance = [], 1.0
