@@ -34,7 +34,12 @@ def left_over(compared: Mapping[str, Any], fits: str, tried: str = "") -> str:
     if not excess and compared.get("held_out") == "none":
         return "No test finds what the model lacks. No part of the recording can be held out, so that no excess is known."
     if not excess:
-        return f"{fits}: what is left over is noise."
+        blocked = sorted({w["axis"] for w in compared["warnings"] if w["blocking"] and w["axis"]})
+        judged = [axis for axis in compared["per_axis"] if axis not in blocked]
+        if not blocked or not judged:
+            return f"{fits}: what is left over is noise."
+        apart = f"The warning against {' and '.join(blocked)} stands"
+        return f"{fits} on {' and '.join(judged)}: what is left over there is noise. {apart}."
     return f"{tried or 'No test finds what the model lacks'}, but more than noise is left over: an excess of {excess}."
 
 
