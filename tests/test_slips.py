@@ -67,7 +67,7 @@ HINTS = {
     "calibrate rest": "The bias can: `gyrocal explain SESSION --model M.toml` writes it into a model",
     "import log.csv new --rate 78 --map t_s=time --map gz=z": "did you mean gz_dps?",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=w": "row 1 is 'time,x,y,z'",
-    "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, counts",
+    "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, mrad/s, counts",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:counts": "needs --lsb-dps",
     "import log.csv new --rate 78 --map gz_dps=z": "map t_s, or give --rate-hz",
     "import log.csv new --map t_s=time --map gz_dps=z": "or --gravity (turned by hand), or map rate_ref_dps or ref_angle_deg",

@@ -25,9 +25,8 @@ from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import Timing
 
 BLOCK_S = 0.1
-SLOW_FILTER, OF_FILTER = 2.0, 4.0
-"""Blocks over which a filter makes readings alike from which on longer ones are taken, and their length in lengths of the
-filter, of which a twentieth of the noise is then shared by neighbours."""
+OF_FILTER = 4.0
+"""Length of the blocks in lengths of a slow filter: neighbours then share a twentieth of the noise."""
 STATED = 0.05
 """The session's sample rate sets the number of samples of a block unless it is off that of the times by more than this."""
 
@@ -238,15 +237,12 @@ def reduce_session(session: Session, block_s: float | None = None) -> list[Block
 
 
 def _block_s(session: Session) -> float:
-    """The length of the blocks, s: longer where a slow filter would leave their means alike.
-
-    Up to a few blocks, an autoregression describes what a filter does (:class:`~gyrocal.noise.color.Color`).
+    """The length of the blocks, s: longer where a slow filter would leave their means more alike than
+    :class:`~gyrocal.noise.color.Color` describes.
     """
-    if session.sample_rate_hz * SLOW_FILTER * BLOCK_S > LONGEST:
+    if session.sample_rate_hz * BLOCK_S > LONGEST:
         return BLOCK_S
-    filter_s = float(np.median([smoothed_s(session.runs, axis) for axis in range(3)]))
-    if filter_s <= SLOW_FILTER * BLOCK_S:
-        return BLOCK_S
+    filter_s = float(np.median([smoothed_s(session.runs, axis, BLOCK_S) for axis in range(3)]))
     longest_s = min(run.duration_s for run in session.runs) / POLICY.least_blocks
     return max(BLOCK_S, min(OF_FILTER * filter_s, longest_s))
 

@@ -15,20 +15,29 @@ LEAST = 16 * LONGEST
 """Number of samples that show a filter."""
 SHOWN = 0.05
 """Correlation of steps up to which a filter's end counts as nothing."""
+ALIKE = 0.7
+"""Correlation of neighbouring means up to which an autoregression describes what a filter does."""
 ERRORS = 5.0
 """Standard errors that such a correlation must exceed, so that white noise shows none at any of the delays."""
 
 
 @once
-def smoothed_s(runs: Sequence[Run], axis: int) -> float:
-    """The time over which a filter has made the readings of an axis alike, s; 0 without a filter.
+def smoothed_s(runs: Sequence[Run], axis: int, apart_s: float) -> float:
+    """The time over which a filter has made the readings of an axis alike, s; 0 where those ``apart_s`` apart hardly are.
 
     At rest and at constant rates alone: of a motion, the readings are alike without one.
     """
     if any(run.rate_is_mean or run.measured_rates is not None for run in runs):
         return 0.0
-    samples = smoothed_over([run.gyro_dps[:, axis] for run in runs])
-    return samples / runs[0].sample_rate_hz if samples > 1 else 0.0
+    readings, rate_hz = [run.gyro_dps[:, axis] for run in runs], runs[0].sample_rate_hz
+    samples = smoothed_over(readings)
+    near, far = (_moved(readings, by) for by in (max(1, round(apart_s * rate_hz)), samples))
+    return samples / rate_hz if near < (1 - ALIKE) * far else 0.0
+
+
+def _moved(readings: Sequence[Array], by: int) -> float:
+    """The mean square by which readings [n] of runs differ from those ``by`` samples later, (deg/s)^2."""
+    return float(np.mean(np.concatenate([values[by:] - values[:-by] for values in readings]) ** 2))
 
 
 def smoothed_over(readings: Sequence[Array]) -> int:

@@ -185,9 +185,10 @@ def _counts(source: Source, name: str, values: Array) -> InputError:
             f"{source.label}: {name} holds whole numbers up to {largest:.6g}, more than a reading of 16 bits; say their unit, "
             f"for example --map gx_dps={name}:mdps, or what one count is, by --lsb-dps"
         )
+    zero = _zeros(name) if float(values.min()) >= 0 else f"map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
     return InputError(
         f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
-        f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones, {_zeros(name)}"
+        f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones, {zero}"
     )
 
 
