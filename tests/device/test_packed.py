@@ -117,5 +117,6 @@ def test_a_rate_beyond_text_is_asked_for_as_frames() -> None:
         assert link.stream == "stream raw"
         link.hello = Sentence(*hello[:-1], hello.text.replace("rate_hz=145", "rate_hz=1666"))
         assert link.stream == "stream packed"
-        assert any(s.tag == "RAW" for _ in range(20) for s in link.receive())
+        while not any(s.tag == "RAW" for s in link.receive()):  # a device that ends without one raises PortGone
+            pass
         assert (link.reader.bad, link.reader.lost) == (0, 0)
