@@ -64,6 +64,8 @@ def _mean_dwell(sizes: Sequence[Array], low: float, high: float) -> float:
 
 def _slope(runs: Sequence[Run], axis: int, most_dps: float) -> float:
     """The part of the true rate that readings show of rates of at most ``most_dps``, [0, 1]."""
+    if not runs:
+        return 1.0
     read, true = (np.concatenate(of) for of in ([r.gyro_dps[:, axis] for r in runs], [r.rate_dps for r in runs]))
     small = np.abs(true) < most_dps
     power = float(true[small] @ true[small])
@@ -180,7 +182,8 @@ class Saturation(ReadingFault):
             y = [sign * r.gyro_dps[:, axis] for r in mine]
             limit = max((float(v.max()) for v in y), default=0.0) * (1 - END)
             at = [v > limit for v in y]
-            rates = [sign * _slope(mine, axis, 0.5 * limit) * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
+            read = sign * _slope(mine, axis, 0.5 * limit)
+            rates = [read * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
             true_dps = np.concatenate(rates) if rates else np.zeros(0)
             true_dps = true_dps[np.isfinite(true_dps)]
             if limit <= 0 or true_dps.size < LEAST_HEAPED or float(np.median(true_dps)) < BEYOND * limit / (1 - END):

@@ -141,8 +141,7 @@ def _chances(
     states = scales.states
 
     def of_state(s: int) -> Array:
-        carried = states.carried[s] and bool(matrix.going_on)
-        return beside_model(matrix, states.noises[s], states.spreads[s], carried=carried)
+        return beside_model(matrix, states.noises[s], states.spreads[s], carried=states.carried[s])
 
     white = of_state(0)
     plain = np.diagonal(white)[columns]

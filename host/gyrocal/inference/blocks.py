@@ -17,7 +17,7 @@ import numpy as np
 
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
-from gyrocal.noise.smoothed import LONGEST, smoothed_s
+from gyrocal.noise.smoothed import smoothed_s
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
@@ -240,8 +240,6 @@ def _block_s(session: Session) -> float:
     """The length of the blocks, s: longer where a slow filter would leave their means more alike than
     :class:`~gyrocal.noise.color.Color` describes.
     """
-    if session.sample_rate_hz * BLOCK_S > LONGEST:
-        return BLOCK_S
     filter_s = float(np.median([smoothed_s(session.runs, axis, BLOCK_S) for axis in range(3)]))
     longest_s = min(run.duration_s for run in session.runs) / POLICY.least_blocks
     return max(BLOCK_S, min(OF_FILTER * filter_s, longest_s))

@@ -14,12 +14,12 @@ from gyrocal.inference.blocks import BLOCK_S, Blocks, known_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, likeliest_start, white_start, with_noise
 from gyrocal.inference.turns import with_errors_of_turns
-from gyrocal.noise.color import WHITE, Color
+from gyrocal.noise.color import MOST_ALIKE, WHITE, Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-COLORS = np.linspace(-0.8, 0.7, 151)
+COLORS = np.linspace(-0.8, MOST_ALIKE, 151)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
 SEARCHED = 3.0

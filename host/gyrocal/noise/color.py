@@ -12,6 +12,10 @@ from gyrocal.recording.session import Array
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 
+MOST_ALIKE = 0.7
+"""Largest correlation of neighbouring blocks that a colour describes."""
+
+
 @dataclass(frozen=True)
 class Color:
     """``neighbours`` is the correlation of neighbouring blocks that a low-pass filter causes (autoregression).

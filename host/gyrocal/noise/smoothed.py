@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal.noise.color import MOST_ALIKE
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
@@ -15,24 +16,25 @@ LEAST = 16 * LONGEST
 """Number of samples that show a filter."""
 SHOWN = 0.05
 """Correlation of steps up to which a filter's end counts as nothing."""
-ALIKE = 0.7
-"""Correlation of neighbouring means up to which an autoregression describes what a filter does."""
 ERRORS = 5.0
 """Standard errors that such a correlation must exceed, so that white noise shows none at any of the delays."""
 
 
 @once
 def smoothed_s(runs: Sequence[Run], axis: int, apart_s: float) -> float:
-    """The time over which a filter has made the readings of an axis alike, s; 0 where those ``apart_s`` apart hardly are.
+    """The time over which a filter has made the readings of an axis alike, s; 0 where no more than a colour describes.
 
-    At rest and at constant rates alone: of a motion, the readings are alike without one.
+    Means over ``apart_s`` are what a colour is of. At rest and at constant rates alone: of a motion, the readings are alike
+    without a filter.
     """
-    if any(run.rate_is_mean or run.measured_rates is not None for run in runs):
+    apart = max(1, round(apart_s * runs[0].sample_rate_hz))
+    if apart > LONGEST or any(run.rate_is_mean or run.measured_rates is not None for run in runs):
         return 0.0
-    readings, rate_hz = [run.gyro_dps[:, axis] for run in runs], runs[0].sample_rate_hz
+    readings = [run.gyro_dps[:, axis] for run in runs]
     samples = smoothed_over(readings)
-    near, far = (_moved(readings, by) for by in (max(1, round(apart_s * rate_hz)), samples))
-    return samples / rate_hz if near < (1 - ALIKE) * far else 0.0
+    if samples <= apart or _moved(readings, apart) >= (1 - MOST_ALIKE) * _moved(readings, samples):
+        return 0.0
+    return samples / runs[0].sample_rate_hz
 
 
 def _moved(readings: Sequence[Array], by: int) -> float:

@@ -222,10 +222,11 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
         beyond = np.concatenate([r.gyro_dps[at_full_scale(r, axis, session.full_scale_dps), axis] for r in session.runs])
         if beyond.size:
             return limit if heap else float(np.abs(beyond).min())
-    if heap and at_largest_code(limit, session.lsb_dps or step_dps(session, axis) or None):
+    one_dps = step_dps(session, axis)
+    if heap and at_largest_code(limit, session.lsb_dps or one_dps or None):
         return limit
     by_hand = session.reference.kind == "gravity"
-    by_noise = detected is not None or (by_hand and _at_both_ends(readings, limit, step_dps(session, axis)))
+    by_noise = detected is not None or (by_hand and _at_both_ends(readings, limit, one_dps))
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
     if stuck or not heap:

@@ -185,7 +185,7 @@ def _counts(source: Source, name: str, values: Array) -> InputError:
             f"{source.label}: {name} holds whole numbers up to {largest:.6g}, more than a reading of 16 bits; say their unit, "
             f"for example --map gx_dps={name}:mdps, or what one count is, by --lsb-dps"
         )
-    zero = _zeros(name) if float(values.min()) >= 0 else f"map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
+    zero = _zeros(name) if float(values.min()) >= 0 else _about_the_middle(name)
     return InputError(
         f"{source.label}: {name} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
         f"{1 / COUNTS_PER_DPS:.6g} ({COUNTS_PER_DPS} counts per dps); of unsigned ones, {zero}"
@@ -196,8 +196,12 @@ def _zeros(name: str) -> str:
     """What unsigned counts may be, in words: two's complement, or counts about the middle of the range."""
     return (
         "either those above 32767 are negative: subtract 65536 from these, then say how many make one dps, as by --map "
-        f"gx_dps={name}/{COUNTS_PER_DPS}; or 32768 is zero: map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
+        f"gx_dps={name}/{COUNTS_PER_DPS}; or 32768 is zero: {_about_the_middle(name)}"
     )
+
+
+def _about_the_middle(name: str) -> str:
+    return f"map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
 
 
 def _by_gravity(rates: Array, motion: Motion) -> str | None:
