@@ -18,6 +18,7 @@ from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
+from gyrocal.recording.stated import unit_of_rates
 
 RAD = 180 / np.pi
 PHONE = "phones write rad/s"
@@ -154,6 +155,8 @@ def unit_of_gyro(
         return Unit(f":{unit}", f"{up_to}; in {unit} they are of the size of the rate that is known")
     if (unit := _by_noise(rates)) is not None:
         return Unit(f":{unit}", f"{up_to}; the noise of a reading is that of a sensor in {unit}")
+    if (unit := unit_of_rates(source.above)) is not None:
+        return Unit(f":{unit}", f"{up_to}; a line above the table states {unit}")
     if maker == PHONE:
         return Unit(":rad/s", f"{up_to}, and {maker}; dps is possible too")
     if maker:

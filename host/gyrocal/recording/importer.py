@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
-from gyrocal.recording import plateaus
+from gyrocal.recording import plateaus, stated
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
 from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.convert import Converted, convert, rate_of
@@ -197,13 +197,11 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     path, mapped = files.gyroscope, mapped_columns(files, options)
     mappings, source = mapped.mappings, mapped.source
     axis = options.axis or only_axis(mappings)
-    rate_hz = options.scaling.rate_hz
-    if "t_s" not in {m.target for m in mappings} and rate_hz is None:
-        what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
-        raise InputError(f"{source.label}: {what}{_perhaps_time(source)}{source.not_taken(mappings)}")
+    rate_hz, warnings = _known_rate(source, mappings, options.scaling.rate_hz)
     table = convert(source, mappings, rate_hz)
     timed = _rate_and_unit(source, mappings, table, rate_hz)
-    table, rate_hz, warnings = timed.table, timed.rate_hz, list(timed.warnings)
+    table, rate_hz = timed.table, timed.rate_hz
+    warnings += timed.warnings
     if table.damage:
         warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
     if options.second is not None:
@@ -252,6 +250,20 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     counts = {what: count for what, count in counts.items() if count}
     evened += [warning for run in runs if (warning := read_too_fast(run)) is not None]
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
+
+
+def _known_rate(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None) -> tuple[float | None, list[Warning]]:
+    """The sample rate of ``--rate-hz``, Hz, or without a time the one that the file states above its table, which is told.
+
+    InputError if neither is there.
+    """
+    if rate_hz is not None or "t_s" in {m.target for m in mappings}:
+        return rate_hz, []
+    if (rate_hz := stated.rate_hz(source.above)) is None:
+        what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
+        raise InputError(f"{source.label}: {what}{_perhaps_time(source)}{source.not_taken(mappings)}")
+    text = f"{source.label}: no time is mapped; a line above the table states {rate_hz:g} Hz, which is taken"
+    return rate_hz, [Warning("sample_rate", None, None, text)]
 
 
 @dataclass(frozen=True)

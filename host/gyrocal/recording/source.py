@@ -60,6 +60,8 @@ class Source:
     other_lengths: tuple[str, ...] = ()
     """Arrays of the file with another number of entries, which are no columns of the table, each with that number in words."""
 
+    above: tuple[str, ...] = ()
+    """Lines of a text above its table and its header."""
     erased: int = 0
     """Rows behind the table that are of erased memory, and no part of it."""
     signed: Mapping[str, int] = field(default_factory=dict)

@@ -120,6 +120,11 @@ def find_rows(
     raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {other}{_shown(lines, skip)}")
 
 
+def is_header(line: str, layout: Layout) -> bool:
+    """True if a line has as many cells as a table's rows, or one more, which may be the mark of a comment."""
+    return len(_cells(line, layout.separator)) - layout.width in (0, 1)
+
+
 def is_comment(line: str, separator: str) -> bool:
     """True if a line begins with a mark of a comment; the separator of the cells is none."""
     return MARK.match(line.lstrip(QUOTES)) is not None and line.lstrip(QUOTES)[0] != separator

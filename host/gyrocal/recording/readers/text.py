@@ -62,7 +62,8 @@ def read(
     if layout.first == len(lines):
         raise InputError(f"{path}: row {layout.first + 1}: no samples")
     frame = _frame(path, memoryview(data)[starts[layout.first] : end], layout, list(names), option)
-    return Source(str(path), frame, layout.first + 1, names=tuple(layout.names))
+    above = tuple(line for line in lines[: layout.first] if not layouts.is_header(line, layout))
+    return Source(str(path), frame, layout.first + 1, names=tuple(layout.names), above=above)
 
 
 def _plain(data: bytes) -> bytes:
