@@ -140,6 +140,14 @@ def test_poses_of_kitti_have_the_times_of_the_file_beside_them(imu: Path, place:
         read(imu, poses)
 
 
+@pytest.mark.parametrize("names", ["QUATERNION_{}", "q{}", "rigid.rot[{}]"])
+def test_numbers_from_zero_are_w_x_y_and_z(imu: Path, names: str) -> None:
+    head = ",".join(["time", *(names.format(i) for i in range(4))])
+    found = read(imu, trajectory(imu, head, np.column_stack([START_S + U_S, Q[:, [3, 0, 1, 2]]]), ","))
+    assert {f"ref_q{part}={names.format(i)}" for i, part in enumerate("wxyz")} <= {g.map for g in found.guessed}
+    check(found)
+
+
 @pytest.mark.parametrize("names", ["r{}{}", "R{}{}", "rot_{}_{}", "m[{}][{}]"])
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_rotation_matrix_is_an_orientation(imu: Path, names: str, first: int) -> None:

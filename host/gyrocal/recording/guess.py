@@ -356,18 +356,24 @@ def _temperature(source: Source) -> Guess | None:
 
 
 def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") -> list[Guess]:
-    """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1."""
-    names = []
-    for part in "wxyz":
-        named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q|matrix\.q)?[/._ ]?{part}"
-        names += [name for name in source.frame.columns if re.fullmatch(named, bare_name(name)[0])][:1]
-    if len(names) < 4:
+    """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1.
+
+    Numbers from 0 stand for w, x, y and z.
+    """
+    for parts in ("wxyz", "0123"):
+        names = []
+        for part in parts:
+            named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q|matrix\.q)?[/._ \[]?{part}\]?"
+            names += [name for name in source.frame.columns if re.fullmatch(named, bare_name(name)[0])][:1]
+        if len(names) == len(parts):
+            break
+    else:
         return []
     size = np.sqrt(sum(source.numbers(ColumnMap("ref_qw", name)) ** 2 for name in names))
     size = size[np.isfinite(size) & (size > 0)]
     if not size.size or abs(float(np.median(size)) - 1) > 0.01:
         return []
-    why = "the true orientation: its length is 1"
+    why = "the true orientation: its length is 1" + (f", and {names[0]} is taken for its w" if parts == "0123" else "")
     return [Guess(f"ref_q{part}={name}", why) for part, name in zip("wxyz", names, strict=True)]
 
 
