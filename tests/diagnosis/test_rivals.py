@@ -95,7 +95,7 @@ def warming(course_c: np.ndarray) -> Candidate:
         gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
         gyro[:, 2] += 0.0014 * t_s
         temp_c = 31.5 + 0.04 * k + course_c + rng.normal(0, 0.005, t_s.size)
-        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=50.0, temp_c=temp_c))
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=50.0, power_on_s=2.0, temp_c=temp_c))
     return diagnose(make_session(*runs)).candidates[0]
 
 

@@ -87,6 +87,20 @@ def test_a_constant_level_is_constant_and_a_changing_one_is_followed() -> None:
     np.testing.assert_allclose(ratio, 3.0, rtol=0.2)
 
 
+def test_rests_may_be_far_quieter_than_turns_and_a_run_of_constant_noise_has_one_level() -> None:
+    """The noise of some sensors grows with the rate. A least level of a tenth made the rests five times too loud in power."""
+    rng = np.random.default_rng(7)
+    sizes = [0.18, 0.18, 0.009, 0.18, 0.009, 0.18]
+    levels = relative_levels([size * rng.standard_normal(320) for size in sizes]).of_residual
+    assert levels is not None
+    for level, other in zip(levels, sizes, strict=True):
+        assert np.ptp(level) == 0.0
+        assert level[0] / levels[0][0] == pytest.approx(other / sizes[0], rel=0.35)  # two levels of four windows each
+    still = relative_levels([*(0.18 * rng.standard_normal(320) for _ in range(4)), np.zeros(320)]).of_residual
+    assert still is not None
+    assert still[-1][0] / still[0][0] == pytest.approx(0.1, rel=0.3)  # a reading that repeats shows no noise
+
+
 def test_a_tone_that_sweeps_slowly_is_a_bump_and_noise_has_the_chance_that_is_told() -> None:
     """Neighbouring positions of a band share most of their values. All counted as looks, a sweep over 18 Hz was not seen."""
     t_s, chances = np.arange(8192) / 100, []

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, OneCycle, Parameter, stack
+from gyrocal.effects.mistaken import settling_bias
 from gyrocal.effects.quantities import cycle_time_s
 from gyrocal.recording.session import Array, Run
 
@@ -43,6 +44,10 @@ class Drift(Effect):
     def lacks(self, run: Run) -> bool:
         """Without the time since power-on, the pauses between runs are unknown: a drift can be removed then, but not shown."""
         return run.power_on_s is None
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """A warm-up, which is no candidate where the time of power-on is not known."""
+        return [] if any(r.power_on_s is not None for r in runs) else [settling_bias()]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(cycle_time_s(run))

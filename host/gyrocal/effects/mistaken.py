@@ -10,7 +10,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack, table_angle_rad
-from gyrocal.effects.quantities import cosines, power_on_time_s, rate_about, slope_squared, temperature_c, warming_c
+from gyrocal.effects.quantities import (
+    cosines,
+    cycle_time_s,
+    power_on_time_s,
+    rate_about,
+    slope_squared,
+    temperature_c,
+    warming_c,
+)
 from gyrocal.recording.session import Array, Run
 
 Course = Callable[[Run, int, Mapping[str, float]], Array]
@@ -43,7 +51,11 @@ def course(of: Callable[[Run, int], Array]) -> Effect:
     return _Mistaken(lambda run, axis, values: of(run, axis)[:, None])
 
 
-class _SquareOfSlope(_Mistaken):
+class _Surely(_Mistaken):
+    """What contradicts a known effect only if it gains more than rounding."""
+
+
+class _SquareOfSlope(_Surely):
     """What grows with the slope of the rate: it is largest where the rate is small. No known effect does."""
 
     def __init__(self) -> None:
@@ -61,8 +73,11 @@ def square_of_slope() -> Effect:
 
 
 def must_be_sure(other: Effect) -> bool:
-    """True for what no physics suggests, and which must gain more than rounding before it contradicts a known effect."""
-    return isinstance(other, _SquareOfSlope)
+    """True for what must gain more than rounding before it contradicts a known effect.
+
+    No physics suggests it, or it is free to be as the effect is within noise.
+    """
+    return isinstance(other, _Surely)
 
 
 def once_per_turn() -> Effect:
@@ -86,6 +101,18 @@ def settling_scale() -> Effect:
         return (rate_about(run, axis) * (0.0 if p_s is None else np.exp(-p_s / values["tau_s"])))[:, None]
 
     return _Mistaken(decay, 1, [SETTLING], [{"tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 320.0, 7)])
+
+
+def settling_bias() -> Effect:
+    """A bias that settles over each power cycle whose time of power-on is not known.
+
+    It is a drift that flattens, in a drift's unit, because a restricted likelihood depends on the units of the columns.
+    """
+
+    def decay(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return -values["tau_s"] * np.expm1(-cycle_time_s(run) / values["tau_s"])[:, None]
+
+    return _Surely(decay, 1, [SETTLING], [{"tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 320.0, 7)])
 
 
 COSINES = 12

@@ -9,7 +9,8 @@ import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, OneCycle, Parameter, Values, stack
 from gyrocal.effects.mistaken import settling_scale
-from gyrocal.effects.quantities import power_on_time_s, turns
+from gyrocal.effects.optional import CourseWithoutData
+from gyrocal.effects.quantities import cycle_time_s, power_on_time_s, turns
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
@@ -17,7 +18,7 @@ SEARCH_S = (3.0, 200.0)
 """Range of the time constant, s. Settling that is slower than the thermal time of any package is called drift."""
 
 
-class Warmup(Effect):
+class Warmup(Effect, CourseWithoutData):
     id = "warmup"
     title = "Warm-up after power-on"
     cause = (
@@ -63,6 +64,10 @@ class Warmup(Effect):
     def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """A scale that settles after power-on, which changes its sign with the rate and does nothing at rest."""
         return [settling_scale()] if turns(runs, axis) else []
+
+    def unmeasured(self, run: Run, axis: int) -> Array | None:
+        """The slowest of the typical ones, shape [n], without the pauses between runs of a cycle: it is most like a drift."""
+        return np.exp(-cycle_time_s(run) / self.parameter("tau_s").typical[1])
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

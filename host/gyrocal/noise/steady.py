@@ -8,17 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gyrocal.recording.session import Array
 
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
 WINDOW = 64
 """Samples of a window. Interference of a second and less is seen at 100 Hz, and a window still knows its level to a tenth."""
 LEAST_WINDOWS = 6
 ENOUGH = 1 << 13
 """Samples of a recording that show its autocorrelation."""
+LEAST_POWER = 1e-4
+"""Least power of a window over the mean. Noise that grows with the rate makes rests quieter than turns by a factor of 500."""
+LEAST_STILL, STANDS_STILL = 0.01, 0.5
+"""The same of a window in which more than a part of the readings repeat the one before, which shows no noise."""
 SURE = 4.0
 """Standard errors by which windows must differ more than equal ones do."""
 
@@ -70,10 +77,11 @@ def relative_levels(residuals: Sequence[Array], window: int = WINDOW, count_dps:
     power = np.concatenate([s.mean(axis=1) for s in squares])
     if not power.any():
         return Levels(None)
-    log_power = np.log(np.maximum(power, max(0.01 * float(power.mean()), count_dps**2 / 6)))
+    still = np.concatenate([np.mean(s == 0, axis=1) for s in squares]) > STANDS_STILL
+    least = np.where(still, LEAST_STILL, LEAST_POWER) * float(power.mean())
+    log_power = np.log(np.maximum(power, np.maximum(least, count_dps**2 / 6)))
     known = _variance(residuals, window)
-    log_power -= log_power.mean()
-    own = shrunk(log_power, known)
+    own = _of_windows(log_power, np.repeat(np.arange(len(counts)), counts), known)
     if not own.any():
         return Levels(None)
     out, first = [], 0
@@ -83,6 +91,19 @@ def relative_levels(residuals: Sequence[Array], window: int = WINDOW, count_dps:
         out.append(level)
         first += c
     return Levels(tuple(out))
+
+
+def _of_windows(log_power: Array, run: Index, variance: float) -> Array:
+    """The logarithm [k] of each window's power over the common one: that of its ``run`` [k], and what it has beside it.
+
+    A run of constant noise knows its level better than a window does.
+    """
+    counts = np.bincount(run)[run]
+    of_run = np.bincount(run, log_power)[run] / counts
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    levels = shrunk(of_run[first] - of_run[first].mean(), variance * float(np.mean(1 / counts[first])))
+    own = np.repeat(levels, counts[first]) + shrunk(log_power - of_run, variance)
+    return np.asarray(own - own.mean())
 
 
 def _variance(residuals: Sequence[Array], window: int) -> float:

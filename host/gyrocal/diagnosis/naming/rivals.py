@@ -39,8 +39,19 @@ def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = Non
 
 def _with_unmeasured(c: Candidate, unmeasured: Sequence[Candidate]) -> Candidate:
     """The candidate with the effects in its group that have the same shape and a physical size, as far as these are known."""
-    of_axis = (r for r in unmeasured if r.axis == c.axis and cosine(c.signal, r.signal) > POLICY.same_shape)
+    of_axis = (r for r in unmeasured if r.axis == c.axis and _looks_the_same(c, r))
     return replace(c, group=(*c.group, *(r.effect.id for r in of_axis if _as_large(c, r))))
+
+
+def _looks_the_same(c: Candidate, unmeasured: Candidate) -> bool:
+    """True if an effect has the shape of a candidate, and what it lacks of this would be lost in the noise.
+
+    The part of a signal that is in another is the square of their cosine. A difference of two gains has about the root of
+    twice itself as its standard error.
+    """
+    alike = cosine(c.signal, unmeasured.signal)
+    lost = (c.gain or 0.0) * (1 - alike**2)
+    return alike > POLICY.same_shape and lost < 2 * POLICY.rival_errors**2
 
 
 def _as_large(c: Candidate, unmeasured: Candidate) -> bool:
