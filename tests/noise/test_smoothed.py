@@ -43,6 +43,14 @@ def test_few_samples_show_none() -> None:
     assert smoothed_over([filtered(np.ones(5), 4 * LONGEST, np.random.default_rng(0))]) == 1
 
 
+@pytest.mark.parametrize("samples", [1030, 1500, 3000])
+def test_a_tone_that_hides_all_correlation_shows_none(samples: int) -> None:
+    """Its errors exceeded the correlation at no delay, and compare ended with an IndexError."""
+    t = np.arange(samples)
+    for seed in range(5):
+        assert smoothed_over([20 * np.sin(1.49 * t) + np.random.default_rng(seed).normal(0, 1, samples)]) == 1
+
+
 def test_slowly_sampled_readings_behind_a_filter_fit_and_the_floor_is_their_rms() -> None:
     """Seven samples at 10 Hz, as a logger writes that smooths. As single readings, they looked like a misfit of 18 sigma."""
     runs = []

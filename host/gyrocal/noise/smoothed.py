@@ -63,4 +63,5 @@ def smoothed_over(readings: Sequence[Array]) -> int:
     correlation = power / power[0]
     error = float(np.sqrt((2 * correlation @ correlation - 1) / number))  # where there is none (Bartlett's formula)
     alike = np.flatnonzero(np.abs(correlation) > max(SHOWN, ERRORS * error))
-    return int(alike[-1]) if 0 < alike[-1] <= LONGEST else 1
+    last = int(alike[-1]) if alike.size else 0  # beside a large tone, so few samples show nothing
+    return last if 0 < last <= LONGEST else 1
