@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from gyrocal.calibration.network import FaceNetwork
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.panels.calibrate import SHIPPED_FOR
 from gyrocal.web.state import training
+from gyrocal.web.state.jobs import Cancelled
 from gyrocal.web.state.training import Training
 from gyrocal.web.state.workbench import Workbench
 
@@ -36,8 +38,11 @@ def opened(look: Callable[..., Any], served: Any, require_module: Callable[[str]
     return page, page.locator("[aria-label=network]")
 
 
+@pytest.mark.wide
 @pytest.mark.slow
-def test_a_training_is_stopped(served: Any, look: Callable[..., Any], require_module: Callable[[str], None]) -> None:
+def test_a_training_is_stopped_from_the_page(
+    served: Any, look: Callable[..., Any], require_module: Callable[[str], None]
+) -> None:
     page, network = opened(look, served, require_module)
     network.get_by_label("folder").fill("stopped")
     network.get_by_role("button", name="Train it").click()
@@ -81,6 +86,50 @@ def test_trained_verified_and_exported(
     device.get_by_text("largest difference").wait_for()
     assert (folder / "firmware/include/weights.h").read_bytes() == (folder / "mine/weights.h").read_bytes()
     assert (folder / "firmware/model.toml").read_bytes() == (folder / "mine/model.toml").read_bytes()
+
+
+TRAINS = """#!{python}
+import sys, time
+from pathlib import Path
+folder = Path(sys.argv[sys.argv.index("--out") + 1])
+folder.mkdir()
+rows = ["epoch,train_loss,validation_loss"]
+for epoch in range(3):
+    rows.append(f"{{epoch}},0.9,{{0.5 - 0.1 * epoch}}")
+    (folder / "history.csv").write_text("\\n".join(rows) + "\\n")
+    time.sleep(0.1)
+time.sleep(600)
+"""
+"""What the process of a training leaves of its first three epochs; it then hangs."""
+
+
+def test_a_training_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each epoch is told with its loss and the time that is left; nothing of a stopped training stays."""
+    command, folder = tmp_path / "trains", tmp_path / "stopped"
+    command.write_text(TRAINS.format(python=sys.executable))
+    command.chmod(0o755)
+    monkeypatch.setattr(training, "LOOK_S", 0.05)
+    monkeypatch.setattr("gyrocal.web.state.training.sys.executable", str(command))
+    told: list[tuple[int, float | None, float | None]] = []
+
+    def changed() -> None:
+        told.append((one.done, one.loss, one.left_s))
+        if one.done == 3:
+            one.cancel()
+
+    one = Training(tmp_path / "m.toml", "z", 40, folder, changed)
+
+    async def story() -> None:
+        with pytest.raises(Cancelled, match="Training: stopped"):
+            await one.run()
+
+    finish(story())
+    assert told[-1][:2] == (3, pytest.approx(0.3))
+    assert told[-1][2] is not None
+    assert 0 < told[-1][2] < 60
+    assert one._process is not None
+    assert one._process.returncode is not None
+    assert not folder.exists()
 
 
 def test_what_the_command_says_reaches_the_person(tmp_path: Path, require_module: Callable[[str], None]) -> None:
