@@ -18,6 +18,8 @@ from gyrocal.recording.session import AXES, Run, Session
 from known import ON_Z, add_measured
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 T_S = np.arange(1200) / 100
 WHITE_DPS = 0.05
 

@@ -17,6 +17,8 @@ from gyrocal.present.explanation import open_words
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ = 1.0
 
 

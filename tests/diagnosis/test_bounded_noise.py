@@ -15,7 +15,7 @@ from known import ON_Z
 from make_runs import Array, make_run, make_session
 from study import study
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 excess = study("excess")
 SPIN_UP, RAMP = "spin_up:A=0.002,tau_s=2", "bias_temperature:k1_dps_per_c=0.02,k2_dps_per_c2=0.0005"
 CASES = (

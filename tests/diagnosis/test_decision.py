@@ -10,6 +10,8 @@ from gyrocal.policy import POLICY
 from gyrocal.simulation.simulate import simulate
 from known import ON_Z
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_size_is_physical_within_its_error(sign: float) -> None:

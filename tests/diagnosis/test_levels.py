@@ -17,6 +17,8 @@ from gyrocal.simulation.simulate import simulate
 from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ, WHITE_DPS = 104.0, 0.044
 
 

@@ -15,6 +15,8 @@ from gyrocal.recording.session import Session
 from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ, WHITE_DPS, SCALE, BIAS_DPS = 100.0, 0.05, 0.005, 0.5
 T_S = np.arange(2000) / RATE_HZ
 

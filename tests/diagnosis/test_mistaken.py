@@ -18,6 +18,8 @@ from gyrocal.recording.session import Array, Session
 from known import ON_X, ON_Y, ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ = 50.0
 
 

@@ -9,6 +9,8 @@ from gyrocal.noise.drift import ou_noise
 from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ = 100.0
 LEVELS_DPS = (0.0, 30.0, -30.0, 60.0, -60.0)
 

@@ -13,6 +13,8 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 
 def in_a_chamber(seed: int, tilted_rad: float = 0.0) -> Session:
     """A run at rest while the part warms by 80 °C and cools again; its bias and its accelerometer follow a curve each."""

@@ -13,6 +13,8 @@ from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 SLOPE_DPS_PER_S = 1e-3
 
 

@@ -17,7 +17,7 @@ from gyrocal.simulation.simulate import simulate
 from known import ON_X, ON_Z, add_measured
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 SIZES = {"shaker": (2, 15.0), "swing": (2, 15.0), "chamber": (2, 700.0), "full": (2, 15.0)}
 
 

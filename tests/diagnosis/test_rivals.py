@@ -18,6 +18,8 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 SIGNAL = np.sin(np.arange(200) / 9)
 
 

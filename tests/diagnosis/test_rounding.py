@@ -12,7 +12,7 @@ from gyrocal.recording.session import Session
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tests_alone")]
 COUNT_DPS, SD_DPS = 0.1, 0.029
 
 

@@ -13,7 +13,7 @@ from gyrocal.recording.session import Array, Session
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers", "tests_alone")]
 HZ = 25.0
 Error = Callable[[Array, Array, float], Array]
 """Error [n], deg/s, over the time in the run, that since power-on, and the rate."""

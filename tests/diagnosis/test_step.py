@@ -11,7 +11,7 @@ from gyrocal.recording.session import Session
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 RATE_HZ, SECONDS = 100.0, 50.0
 
 

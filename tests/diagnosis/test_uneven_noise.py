@@ -11,7 +11,7 @@ from gyrocal.recording.session import Array, Session
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 RATE_HZ, WHITE_DPS = 100.0, 0.044
 T_S = np.arange(3000) / RATE_HZ
 Level = Callable[[np.random.Generator], Array]

@@ -15,6 +15,8 @@ from make_runs import make_session
 
 from .conftest import Array, MakeRun
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 LSB_DPS = 0.00875
 FAULTS = ("byte_fault", "sampling_fault", "saturation", "bias_jumps")
 

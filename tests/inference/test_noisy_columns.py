@@ -16,6 +16,8 @@ from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed_temperatu
 from known import ON_Z
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 RATE_HZ = 50.0
 SCALE, REFERENCE_SD, GYRO_SD = 0.02, 0.1, 0.02
 

@@ -23,6 +23,8 @@ from known import ON_Z
 from make_runs import make_run, make_session
 from study import study
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 BENCHMARK = study("time_errors")
 CELLS = {c.name: c for c in BENCHMARK.CELLS}
 

@@ -16,7 +16,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 RATE_HZ, WHITE_DPS, TURN_DEG = 104.0, 0.04, 360.0
 SCALE, BIAS_DPS = -0.0088, 0.07
 

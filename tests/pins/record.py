@@ -121,9 +121,10 @@ def answer(kept: Callable[[Any], Any], *arguments: str) -> Any:
 
 
 def record(name: str, folder: Path) -> dict[str, Any]:
-    """Everything that is pinned of one session, which is made in ``folder``."""
+    """Everything that is pinned of one session, which is made in ``folder`` if it is not there."""
     path, model = folder / name, folder / f"{name}.toml"
-    SESSIONS[name](path)
+    if not path.exists():
+        SESSIONS[name](path)
     recorded = {
         "compare": answer(kept.of_compare, "compare", str(path)),
         "diagnose": answer(kept.of_diagnose, "diagnose", str(path)),

@@ -18,10 +18,18 @@ SLOW = ("paper", "swing", "bench", "table2")
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
+@pytest.fixture(scope="module")
+def rest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the session at rest, of which several tests ask."""
+    folder = tmp_path_factory.mktemp("pins")
+    SESSIONS["rest"](folder / "rest")
+    return folder
+
+
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.wide] * (name in SLOW)) for name in SESSIONS])
-def test_answers_are_as_recorded(name: str, tmp_path: Path, require_tool) -> None:
+def test_answers_are_as_recorded(name: str, rest: Path, tmp_path: Path, require_tool) -> None:
     require_tool("cc")
-    assert check(name, tmp_path) == []
+    assert check(name, rest if name == "rest" else tmp_path) == []
 
 
 def test_the_pins_are_small() -> None:
@@ -75,11 +83,9 @@ def raw(*arguments: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[Callable[[Any], Any], Any]:
+def answers(rest: Path) -> dict[Callable[[Any], Any], Any]:
     """What commands say of one session, by what is kept of it."""
-    folder = tmp_path_factory.mktemp("pins")
-    path, model = folder / "rest", folder / "model.toml"
-    SESSIONS["rest"](path)
+    path, model = rest / "rest", rest / "another_model.toml"
     return {
         kept.of_compare: raw("compare", str(path)),
         kept.of_diagnose: raw("diagnose", str(path)),

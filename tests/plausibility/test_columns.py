@@ -12,7 +12,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 
 
 def pair(t_s: Array, rate_dps: float = 72.0, rate_hz: float = 100.0, acc_unit: float = 1.0, across: bool = True) -> Session:

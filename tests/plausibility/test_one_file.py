@@ -12,7 +12,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 RATE_HZ = 50.0
 
 

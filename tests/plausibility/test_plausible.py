@@ -26,7 +26,7 @@ from gyrocal.simulation.simulate import LSB_DPS, simulate
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 SLOPES = {"unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible"}
 DEG = 180 / np.pi
 

@@ -19,6 +19,8 @@ from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 Array = NDArray[np.float64]
 RATE_HZ = 50.0
 T_S = np.arange(1000) / RATE_HZ

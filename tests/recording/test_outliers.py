@@ -13,6 +13,8 @@ from gyrocal.recording.outliers import outliers
 from gyrocal.simulation.simulate import simulate
 from known import ON_Z
 
+pytestmark = pytest.mark.usefixtures("tests_alone")
+
 
 @pytest.mark.parametrize("count_dps", [0.0, 0.00875, 0.07])
 def test_noise_has_none_however_coarse_its_counts(count_dps: float) -> None:
