@@ -36,7 +36,7 @@ def test_every_page_begins_with_what_its_reader_can_do_then() -> None:
     assert [name for name, first in begins.items() if not first.startswith("After this page you")] == []
 
 
-@pytest.mark.usefixtures("known_answers")
+@pytest.mark.usefixtures("known_answers", "tests_alone")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
     for example in (ROOT / "docs" / "examples").glob("*.gz"):
@@ -83,7 +83,7 @@ def _wait_for(path: Path) -> None:
     pytest.fail(f"{path.name} did not appear")
 
 
-@pytest.mark.usefixtures("known_answers")
+@pytest.mark.usefixtures("known_answers", "tests_alone")
 def test_the_notebook_runs_and_its_error_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "Agg")
     shutil.copytree(ROOT / "docs" / "examples", tmp_path / "examples")

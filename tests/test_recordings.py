@@ -19,7 +19,7 @@ AGAIN = {
 assert SECTIONS.keys() > AGAIN
 
 
-@pytest.mark.usefixtures("known_answers")
+@pytest.mark.usefixtures("known_answers", "tests_alone")
 @pytest.mark.parametrize("title", [pytest.param(title, marks=[pytest.mark.wide] * (title in AGAIN)) for title in SECTIONS])
 def test_a_recording_is_imported_diagnosed_and_corrected(
     title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -18,7 +18,7 @@ from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from known import ON_Z, add_measured
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 
 
 @pytest.fixture(scope="module")

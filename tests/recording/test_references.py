@@ -40,11 +40,12 @@ def quaternions(t_s: Array, seed: int = 0) -> Array:
     fine = round(2000 / RATE_HZ)
     middle = t_s[0] + (np.arange((t_s.size - 1) * fine) + 0.5) / (RATE_HZ * fine)
     steps = Rotation.from_rotvec(np.deg2rad(motion(middle, seed)) / (RATE_HZ * fine))
-    at, out = Rotation.identity(), [Rotation.identity()]
-    for k in range(len(steps)):
-        at = at * steps[k]
-        if (k + 1) % fine == 0:
-            out.append(at)
+    between = steps[::fine]  # all samples at once
+    for k in range(1, fine):
+        between = between * steps[k::fine]
+    out = [Rotation.identity()]
+    for turned in between:
+        out.append(out[-1] * turned)
     return np.asarray(Rotation.concatenate(out).as_quat()[:, [3, 0, 1, 2]])
 
 

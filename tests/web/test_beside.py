@@ -12,7 +12,7 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.web.worker.beside_named import as_shown
 from known import ON_Z, add_measured
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 
 
 def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:

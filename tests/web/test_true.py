@@ -26,7 +26,7 @@ from gyrocal.web.worker.doubt import _not_enough
 from gyrocal.web.worker.effect_picture import left_now, of_each_run
 from gyrocal.web.worker.opened import Opened
 
-pytestmark = pytest.mark.usefixtures("known_answers")
+pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 AMPLITUDE_DPS = 0.06
 """Of the planted wave, once per turn."""
 
