@@ -8,6 +8,8 @@ PIP := $(BIN)/pip --disable-pip-version-check
 PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
 # empty: an image may set it, and a command that compiles every module anew starts two seconds later; tests start hundreds
 export PYTHONDONTWRITEBYTECODE :=
+# objects of the C core that no edit has changed stay from one run of the tests to the next
+export GYROCAL_OBJECTS ?= $(CURDIR)/build/objects
 QUICK := $(addprefix tests/,effects error_model policy recording simulation variables fuzz/test_parsers.py test_cli.py)
 
 .PHONY: demo test wide quick docs parts coverage fuzz mutants lowest wheel release clean

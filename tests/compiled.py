@@ -6,17 +6,25 @@ import hashlib
 import os
 import shutil
 import subprocess
+import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
+
+KEPT_S = 14 * 86400.0
 
 
 class Objects:
-    """A folder of objects by the hash of what makes them."""
+    """A folder of objects by the hash of what makes them; those that no run has asked for within two weeks go."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.iterdir():
+            with contextlib.suppress(FileNotFoundError):
+                if path.stat().st_mtime < time.time() - KEPT_S:
+                    path.unlink()
 
     def of_all(self, command: Sequence[str], sources: Iterable[Path]) -> list[Path]:
         """The object of each source. What another worker is compiling comes last, so that two workers share the work."""
@@ -38,18 +46,20 @@ class Objects:
         """
         included = [Path(word[2:]) for word in command if word.startswith("-I")]
         headers = [path for folder in (source.parent, *included) for path in sorted(folder.rglob("*.h"))]
-        made_of = hashlib.sha256("\0".join(command).encode())
+        made_of = hashlib.sha256("\0".join((_version(command[0]), *command)).encode())
         for path in (source, *headers):
             made_of.update(f"\0{path}\0".encode() + path.read_bytes())
         built = self._folder / f"{made_of.hexdigest()}.o"
         if not built.exists():
             _keep(self._of_text(command, source, waits), built)
+        os.utime(built)
         return built
 
     def _of_text(self, command: Sequence[str], source: Path, waits: bool) -> Path:
         """The object of what the preprocessor makes of ``source``: most sources are the same for all settings of the core."""
         text = subprocess.run([*command, "-E", str(source)], check=True, capture_output=True).stdout
         settings = [word for word in command if not word.startswith(("-D", "-I"))]
+        settings.append(_version(command[0]))
         built = self._folder / f"{hashlib.sha256(chr(0).join(settings).encode() + text).hexdigest()}.o"
         if not built.exists():
             with built.with_suffix(".lock").open("w") as lock:
@@ -72,3 +82,9 @@ def _keep(made: Path, built: Path) -> None:
     """Give an object a further name. Of two workers the first one stays: what replaces a file cannot be linked meanwhile."""
     with contextlib.suppress(FileExistsError):
         os.link(made, built)
+
+
+@cache
+def _version(compiler: str) -> str:
+    """What a compiler says of its version."""
+    return subprocess.run([compiler, "--version"], check=False, capture_output=True, text=True).stdout
