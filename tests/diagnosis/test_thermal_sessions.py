@@ -15,7 +15,7 @@ from gyrocal.noise.drift import ou_noise
 from known import ON_Z
 from make_runs import make_run, make_session
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tests_alone")]
+pytestmark = pytest.mark.slow
 RATE_HZ = 100.0
 SECONDS = 60.0
 K1 = 0.015
