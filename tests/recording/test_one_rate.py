@@ -14,12 +14,13 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.plausibility import of_fit
 from gyrocal.recording.session import Session
+from known import ON_Z
 
 pytestmark = pytest.mark.slow
 
 
 def scale_of(session: Session) -> tuple[float, float, dict[str, Any]]:
-    told = compare(session).to_json()
+    told = compare(session, ON_Z).to_json()
     (found,) = [p for p in told["parameters"] if p["effect"] == p["name"] == "scale" and p["axis"] == "z"]
     return found["value"], found["se"], told
 
