@@ -186,3 +186,16 @@ def test_turns_name_what_their_errors_do_not_explain_and_nothing_else() -> None:
     assert abs(named.values["k1_dps_per_c"] - 0.013) < 4 * named.se["k1_dps_per_c"]
     for seed in range(3):
         assert not [c for c in diagnose(by_hand(20 + seed)).candidates if c.decision == "add"]
+
+
+def test_a_vibration_that_rests_show_is_named_beside_turns_by_their_angle() -> None:
+    """It has no part in the net angles of the turns, which were counted as runs in which it is small."""
+    quiet, shaken = session(3), []
+    for k, run in enumerate(quiet.runs):
+        gyro = run.gyro_dps.copy()
+        gyro[:, 2] += 0.3 * np.cos(2 * np.pi * 13.7 * T_S + k)
+        known = {"turn_deg": run.turn_deg} if run.turn_deg is not None else {"table_rate_dps": 0.0}
+        shaken.append(make_run(T_S, gyro, axis=run.axis, scenario=run.scenario, **known))
+    found = diagnose(make_session(*shaken), ON_Z)
+    assert [(c.effect.id, c.axis) for c in found.candidates if c.named] == [("vibration_tone", "z")]
+    assert found.candidates[0].values["A_dps"] == pytest.approx(0.3, rel=0.05)

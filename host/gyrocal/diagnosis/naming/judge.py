@@ -47,10 +47,11 @@ from gyrocal.variables.shapes import Columns
 def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
     """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data.
 
-    Runs that lack the effect's data are left out of the judgement. Held-out data are not used if noise gains as much in sample
+    Runs that lack the effect's data are left out of the judgement, as are turns by a known angle from that of a wave, because
+    their course is not known beside which they would show it. Held-out data are not used if noise gains as much in sample
     with a probability above ``unless``.
     """
-    lacks = np.array([effect.lacks(run) for run in current.runs])
+    lacks = np.array([effect.lacks(run) or (isinstance(effect, Wave) and run.rate_is_mean) for run in current.runs])
     if lacks.any() and not lacks.all():
         part = current.of_runs(~lacks)
         return _over_all_runs(_judge(part, effect, unless), current, part, ~lacks)
@@ -61,7 +62,10 @@ def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask
     """A candidate that was judged on some of the runs, with its signal and gains unknown (NaN) in the others."""
     signal, gains = of_part.signal, of_part.unit_gains
     if signal is not None:
-        known = np.repeat(kept, [b.start.size for b in whole.fit.design.given])
+        blocks = whole.fit.design.given
+        if signal.size != sum(b.start.size for b, keep in zip(blocks, kept, strict=True) if keep):
+            blocks = whole.of_samples().fit.design.given  # on which the candidate was judged
+        known = np.repeat(kept, [b.start.size for b in blocks])
         signal, of_kept = np.full(known.size, np.nan), signal
         signal[known] = of_kept
     if gains is not None:
