@@ -84,7 +84,7 @@ def _known_terms(model: Model) -> tuple[Any, ...] | None:
     if any(term.own is not None or term.of_run for term in model.terms):
         return None
     terms = [(t.effect_id, t.axis, repr(t.values), repr(t.se), t.held) for t in model.terms]
-    return model.name, *terms, repr(model.noise), repr(model.fitted_on)
+    return model.name, *terms, repr([model.noise_on(axis) for axis in AXES]), repr(model.fitted_on)
 
 
 class _Steps:
