@@ -10,6 +10,7 @@ from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.present import report
 from gyrocal.simulation.simulate import simulate
 from gyrocal.units import CELSIUS, IN_FILES, to_read
+from known import ON_Z
 
 HOST = Path(__file__).resolve().parents[2] / "host/gyrocal"
 SPELLED = {
@@ -41,9 +42,10 @@ def test_a_sentence_is_seen() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("tests_alone")
 def test_sizes_are_read_in_one_unit_and_written_in_the_other() -> None:
     session, _ = simulate(None, "full", ["bias_temperature"], 3, scenarios=1, seconds=20.0)
-    found = diagnose(session)
+    found = diagnose(session, ON_Z)
     thermal = next(c for c in found.candidates if c.effect.id == "bias_temperature" and c.axis == "z" and c.values)
     assert f"dps/{CELSIUS}" in report.sizes(thermal)
     assert IN_FILES not in report.sizes(thermal)
