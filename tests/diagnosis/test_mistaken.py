@@ -87,14 +87,14 @@ def at_one_rate(leak: float) -> Session:
 
 
 def test_a_leak_that_changes_with_the_face_may_be_gravity_s() -> None:
-    best = diagnose(at_one_rate(0.002)).best
+    best = diagnose(at_one_rate(0.002), ON_X).best
     assert best is not None
     assert (best.axis, set(best.group)) == ("x", {"misalignment", "g_sensitivity"})
 
 
 def test_a_leak_too_large_for_gravity_is_misalignment_alone() -> None:
     """2 % of 78 deg/s would be 1.6 deg/s per g."""
-    found = diagnose(at_one_rate(0.02))
+    found = diagnose(at_one_rate(0.02), ON_X)
     assert found.verdict == "add"
     assert found.best is not None
     assert found.best.effect.id == "misalignment"
