@@ -199,3 +199,18 @@ def test_a_vibration_that_rests_show_is_named_beside_turns_by_their_angle() -> N
     found = diagnose(make_session(*shaken), ON_Z)
     assert [(c.effect.id, c.axis) for c in found.candidates if c.named] == [("vibration_tone", "z")]
     assert found.candidates[0].values["A_dps"] == pytest.approx(0.3, rel=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_rests_show_in_each_leaves_turns_without_a_say_on_a_walk() -> None:
+    """Beside a shape that turns cannot show, each has a level of its own: no bias, whose median error was 1e150 dps."""
+    rng, runs = np.random.default_rng(0), []
+    for cycle in range(3):
+        for degrees in (720.0, -720.0, 720.0, -720.0, 0.0):
+            rate = (degrees + rng.normal(0, 0.2)) / 12 * np.ones(T_S.size) * (degrees != 0)
+            gyro = rng.normal(0.3, WHITE_DPS, (T_S.size, 3)) + np.outer(1.002 * rate, [0, 0, 1])
+            gyro[:, 2] += 0.06 * np.cos(np.pi * T_S / 4) * (degrees == 0)
+            known = {"turn_deg": degrees} if degrees else {"table_rate_dps": 0.0}
+            runs.append(make_run(T_S, gyro, scenario=f"s{cycle}", **known))
+    found = compare(make_session(*runs))
+    assert [(one.axis, one.note.rpartition(", ")[2]) for one in found.where] == [("z", "in the same course in each run")]

@@ -27,6 +27,8 @@ STEPS = 2.0 ** np.arange(-3.0, 11.5, 0.5)
 """Standard deviations of a walk's usual step that are tried, in standard errors of a run's offset."""
 FORGETS = (1.0, 0.25, 0.06)
 """Correlation times of the drift within runs that are tried, of the fitted one; its variance grows as fast."""
+UNTOLD = 1e-12
+"""Information of a run on its offset, as a part of that of the best run, below which it is rounding."""
 FREE = 1e3
 """Of the error of a run's offset, or of the scatter of the readings: a spread that says nothing of the offsets."""
 
@@ -140,8 +142,15 @@ class _Offsets:
         return float(beside[0] + np.log(np.concatenate(of_runs)).sum())
 
     def _likeliest(self, roots: Sequence[Array]) -> tuple[float, float]:
-        """Profile log-likelihood at the likeliest multiple of the roots, and that multiple."""
-        sizes = float(np.median(self._se_dps[np.concatenate(self.walks.runs)])) * STEPS
+        """Profile log-likelihood at the likeliest multiple of the roots, and that multiple.
+
+        A run whose own coefficient takes up its offset, as a turn by an angle of unknown error, says nothing of it.
+        """
+        runs = np.concatenate(self.walks.runs)
+        told = self.grams[runs, self.walks.bias, self.walks.bias]
+        if not told.any():
+            return self.fit.solution.profile_loglik, 0.0
+        sizes = float(np.median(self._se_dps[runs[told > UNTOLD * told.max()]])) * STEPS
         logliks = self._beside(self._modes(roots), sizes)
         best = int(np.argmax(logliks))
         return float(logliks[best]), float(sizes[best])
