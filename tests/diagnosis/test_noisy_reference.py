@@ -64,3 +64,19 @@ def test_a_planted_asymmetry_is_named_with_its_size():
     assert found.verdict == "add"
     assert found.best.effect.id == "scale_asymmetry"
     assert abs(found.best.values["k"] - 1e-3) < 3 * found.best.se["k"]
+
+
+def test_a_dead_band_has_its_depth_beside_a_reference_with_noise() -> None:
+    """The jump of its column at the edge was taken for a slope by the rate, so that its noise exceeded the column itself."""
+    rng, t_s, runs = np.random.default_rng(5), np.arange(6000) / 100, []
+    for k in range(4):
+        rate = sum(25 * np.sin(2 * np.pi * f * t_s + rng.uniform(0, 6)) for f in (0.07, 0.11))
+        gyro = rng.normal(0.2, 0.04, (t_s.size, 3))
+        gyro[:, 2] += np.where(np.abs(rate) < 0.25, 0.0, rate)
+        measured = rate + rng.normal(0, 0.02, t_s.size)
+        runs.append(make_run(t_s, gyro, scenario=f"s{k}", rate_hz=100.0, rate_ref_dps=measured))
+    best = diagnose(make_session(*runs), ON_Z).best
+    assert best is not None
+    assert best.effect.id == "dead_band"
+    assert best.values["depth"] == pytest.approx(1.0, abs=0.2)
+    assert best.values["width_dps"] == pytest.approx(0.25, abs=3 * best.se["width_dps"])

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.diagnosis.residual.drawn_size import described, drawn_power
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Steps
@@ -400,3 +402,17 @@ def test_a_ramp_of_the_temperature_in_each_run_is_no_start_up_transient(seed: in
     found = measure(simulate(None, "bench", ["bias_temperature"], seed)[0])
     assert {f.axis for f in found.where} == set("xyz")
     assert {f.against for f in found.where} == {"temperature"}
+
+
+def test_what_is_larger_than_any_sensor_has_it_is_told_with_its_size_and_not_named() -> None:
+    """It was "no effect of the library", although one had its course."""
+    rng, t_s, runs = np.random.default_rng(9), np.arange(3000) / 50, []
+    for k in range(4):
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
+        gyro[:, 2] += 1.2 * np.exp(-(t_s + 2.0) / 20)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{k}", rate_hz=50.0, power_on_s=2.0))
+    found = diagnose(make_session(*runs), ON_Z)
+    assert found.verdict == "unknown"
+    assert not [c for c in found.candidates if c.decision == "add"]
+    assert "It has the course of warmup" in verdict_text(found)
+    assert "more than 10 times the largest size that is usual" in verdict_text(found)

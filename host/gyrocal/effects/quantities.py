@@ -65,11 +65,21 @@ RATE_STEP_DPS = 1e-3
 @once_a_run
 def with_faster_rate(run: Run) -> Run:
     """A run whose true rate, without the reference's noise, is higher by ``RATE_STEP_DPS``."""
+    return _with_rate_more(run, RATE_STEP_DPS)
+
+
+@once_a_run
+def with_slower_rate(run: Run) -> Run:
+    """A run whose true rate, without the reference's noise, is lower by ``RATE_STEP_DPS``."""
+    return _with_rate_more(run, -RATE_STEP_DPS)
+
+
+def _with_rate_more(run: Run, by_dps: float) -> Run:
     assert run.smooth_rate is not None
-    faster = copy(run)
-    faster.__dict__.pop("_once", None)
-    faster.__dict__["smooth_rate"] = replace(run.smooth_rate, values=run.smooth_rate.values + RATE_STEP_DPS)
-    return faster
+    other = copy(run)
+    other.__dict__.pop("_once", None)
+    other.__dict__["smooth_rate"] = replace(run.smooth_rate, values=run.smooth_rate.values + by_dps)
+    return other
 
 
 def temperature_noise(run: Run, samples: float) -> tuple[Array, float] | None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role, Values, with_role
-from gyrocal.effects.quantities import RATE_STEP_DPS, rate_noise, with_faster_rate
+from gyrocal.effects.quantities import RATE_STEP_DPS, rate_noise, with_faster_rate, with_slower_rate
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks, step_s
@@ -202,7 +202,8 @@ class Design:
     def _slopes(self, i: int, before: Design) -> Means:
         """How the means of each term's columns in one run change with the true rate, [m, k], per deg/s.
 
-        None where the rate has no noise, and for a term without columns.
+        None where the rate has no noise, and for a term without columns. A column that jumps at a rate, as at the edge of a
+        dead band, changes as it does on the side without the jump.
         """
         of_rate, b = self.rate_noises[i], self.blocks[i]
         if of_rate is None:
@@ -217,7 +218,12 @@ class Design:
                 out.append(None)
             else:
                 columns = self._stand_in(t, faster) if self.lacking[t][i] else self._at_samples(term, faster)
-                out.append((b.mean(columns) - means) / RATE_STEP_DPS)
+                slopes = (b.mean(columns) - means) / RATE_STEP_DPS
+                if term.effect.fast and not self.lacking[t][i]:
+                    slower = self._at_samples(term, replace(b, run=with_slower_rate(b.run)))
+                    below = (means - b.mean(slower)) / RATE_STEP_DPS
+                    slopes = np.where(np.abs(below) < np.abs(slopes), below, slopes)
+                out.append(slopes)
         return out
 
     def _seen(self, like: Design | None) -> list[Blocks]:

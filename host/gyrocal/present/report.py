@@ -10,6 +10,7 @@ from typing import Any
 from gyrocal.diagnosis.answer.diagnose import Diagnosis
 from gyrocal.diagnosis.answer.explain import REPEAT
 from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.decision import in_range, proven
 from gyrocal.diagnosis.residual import angles
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.levels import explained
@@ -269,6 +270,12 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             ids = " or ".join(called(c.effect.id) for c in suggested)
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
+        if (large := too_large(d)) is not None:
+            largest = f"{POLICY.range_factor:g} times the largest size that is usual"
+            return (
+                f"Something is there {where}. It has the course of {called(large.effect.id)} ({sizes(large)}), but is more than "
+                f"{largest}, so that it is not named. Check the rates and units that session.toml states."
+            )
         if d.comparison.where[0].of_sets:
             return f"Something is there {where}. This session cannot prove what it is."
         return f"Something is there that no effect of the library explains: {where}."
@@ -288,6 +295,14 @@ def _also(d: Diagnosis, best: Candidate) -> str:
             axes.setdefault(" or ".join(title_of(i).lower() for i in sorted(c.group) or [c.effect.id]), set()).add(c.axis)
     told = "; ".join(f"{titles} on {', '.join(sorted(on))}" for titles, on in axes.items())
     return f" Also: {told}." if told else ""
+
+
+def too_large(d: Diagnosis) -> Candidate | None:
+    """The likeliest effect on the axis of the unknown misfit that is certain, but larger than any sensor has it."""
+    tested = sum(c.decision != "not_measurable" for c in d.candidates)
+    found = (c for c in d.candidates if d.unknown is not None and c.axis == d.unknown["axis"] and c.values)
+    large = [c for c in found if not in_range(c) and not c.contradicted and proven(c, tested)]
+    return max(large, key=lambda c: c.gain or 0.0, default=None)
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:
