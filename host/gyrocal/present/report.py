@@ -271,10 +271,10 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         if (large := too_large(d)) is not None:
-            largest = f"{POLICY.range_factor:g} times the largest size that is usual"
             return (
                 f"Something is there {where}. It has the course of {called(large.effect.id)} ({sizes(large)}), but is more than "
-                f"{largest}, so that it is not named. Check the rates and units that session.toml states."
+                f"{POLICY.range_factor:g} times the largest size that is usual, so that it is not named. Check the rates and "
+                "units that session.toml states."
             )
         if d.comparison.where[0].of_sets:
             return f"Something is there {where}. This session cannot prove what it is."
