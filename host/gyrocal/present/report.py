@@ -272,9 +272,9 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         if (large := too_large(d)) is not None:
             return (
-                f"Something is there {where}. It has the course of {called(large.effect.id)} ({sizes(large)}), but is more than "
-                f"{POLICY.range_factor:g} times the largest size that is usual, so that it is not named. Check the rates and "
-                "units that session.toml states."
+                f"Something is there {where}. It has the course of {called(large.effect.id)} ({sizes(large)}), but is more "
+                f"than {POLICY.range_factor:g} times the largest size that is usual, so that it is not named. Check the rates "
+                "and units that session.toml states."
             )
         if d.comparison.where[0].of_sets:
             return f"Something is there {where}. This session cannot prove what it is."
