@@ -165,6 +165,22 @@ def test_rows_of_two_sensors_are_told_by_their_words(tmp_path: Path) -> None:
         guess(source, Scaling())
 
 
+@pytest.mark.parametrize("what", ["kind", "sensor_id"])
+def test_rows_of_two_sensors_are_refused_with_stated_columns_too(what: str, tmp_path: Path) -> None:
+    """Every mapping is given, and a column that is not mapped says it: by words in its cells, or by its name."""
+    kinds = {"kind": ("acc", "gyro"), "sensor_id": ("0", "1")}[what]
+    maps = ["t_s=time:ms", "gx_dps=gx", "gy_dps=gy", "gz_dps=gz"]
+    names = [what, *NAMES[:4]]
+    rows = [f"{kind} {10 * i} 0.1 0.2 {0.3 + i % 3}" for i in range(N) for kind in kinds]
+    at_rest = {"table_rate_dps": 0.0}
+    for head, columns in (("", names), (" ".join(names) + "\n", None)):
+        path = write(tmp_path, head + "\n".join(rows))
+        with pytest.raises(InputError, match=rf"{what} says that the rows are of several sensors \({kinds[0]}, {kinds[1]}\)"):
+            read_recording(path, Options(maps, columns=columns, defaults=at_rest))
+    one = write(tmp_path, " ".join(names) + "\n" + "\n".join(rows[::2]))
+    assert len(read_recording(one, Options(maps, defaults=at_rest)).session.runs[0]) == N
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " "])
 @pytest.mark.parametrize("blank", ["", " ", "  ", "\t"])
 def test_lines_of_blanks_between_the_rows_are_no_rows(tmp_path: Path, separator: str, blank: str) -> None:

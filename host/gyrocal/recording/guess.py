@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
@@ -26,6 +25,7 @@ from gyrocal.recording.column_names import (
     with_unit_of_rate,
 )
 from gyrocal.recording.guess_units import PHONE, Known, Motion, typical_rate_dps, unit_of_acceleration, unit_of_gyro, values_of
+from gyrocal.recording.one_sensor import check_one_sensor
 from gyrocal.recording.session import AXES, Array
 from gyrocal.recording.source import Source, moments_ns
 from gyrocal.recording.stamps import period_s
@@ -65,17 +65,10 @@ BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
 OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
 """A column of a phone's file ``Gyroscope.csv`` that was joined with those of other sensors."""
-OF_GYROSCOPES = r"(?i)g|gyr\w*|w|omega|angular\w*"
-"""Words of a cell that says that a row is of a gyroscope."""
-WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
-"""Words of a column that says which sensor a row is of."""
-MOST_SENSORS = 16
 REPEATED = 0.1
 """Part of the stamps that repeat the one before, from which on a finer clock of the same table is looked for."""
 FINER = 0.5
 """A finer clock repeats fewer of its stamps than this part of the other's."""
-ALTERNATE = 0.25
-"""Part of the rows from which another sensor's follow each other in turn, and are no recordings one after the other."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +100,7 @@ def guess(
 
     InputError where no gyroscope is recognized, or where its unit cannot be told.
     """
-    _check_one_sensor(source)
+    check_one_sensor(source)
     exact = [name for name in TARGETS if name in source.frame.columns]
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
@@ -213,21 +206,6 @@ def guess_reference(source: Source) -> list[Guess]:
 def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
     if guessed is not None:
         found[guessed.map.partition("=")[0]] = guessed
-
-
-def _check_one_sensor(source: Source) -> None:
-    """Raise InputError if a column says that the rows are of several sensors in turn, by its name or by words in its cells."""
-    for name in source.frame.columns:
-        column = source.frame[name].drop_nulls()
-        named = re.fullmatch(WHICH_SENSOR, bare_name(name)[0]) is not None
-        if not named and column.dtype != pl.String:
-            continue
-        kinds = column.unique(maintain_order=True)
-        if not named and not any(re.fullmatch(OF_GYROSCOPES, str(kind)) for kind in kinds[: MOST_SENSORS + 1]):
-            continue
-        if 2 <= len(kinds) <= MOST_SENSORS and (column != column.shift()).sum() > ALTERNATE * len(column):
-            shown = ", ".join(f"{kind:g}" if isinstance(kind, float) else str(kind) for kind in kinds)
-            raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
 
 
 def named_as_time(names: Sequence[str]) -> list[str]:

@@ -16,6 +16,7 @@ from gyrocal.recording.guess_units import Known, check_signed, typical_rate_dps
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.joined import Files
 from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
+from gyrocal.recording.one_sensor import check_one_sensor
 from gyrocal.recording.padding import erased_from
 from gyrocal.recording.session import AXES
 from gyrocal.recording.signs import with_signs
@@ -81,6 +82,7 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     source = with_signs(source, _readings(source, mappings, complete))
     check_signed(source, [m.column for m in mappings if m.unit == COUNTS and not m.offset])
     if complete:
+        check_one_sensor(source, names)
         return Mapped(mappings, source)
     if not mappings and set(REQUIRED) <= set(source.frame.columns):
         return Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
@@ -109,7 +111,9 @@ def _without_erased(source: Source) -> Source:
     """The table without the rows of erased memory behind its last reading."""
     end = erased_from(source.frame)
     height = source.frame.height
-    return source if end == height else replace(source, frame=source.frame.head(end), erased=height - end)
+    if end == height:
+        return source
+    return replace(source, frame=source.frame.head(end), beside=source.beside.head(end), erased=height - end)
 
 
 def _readings(source: Source, mappings: Sequence[ColumnMap], complete: bool) -> list[str]:

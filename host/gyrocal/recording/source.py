@@ -60,6 +60,8 @@ class Source:
     other_lengths: tuple[str, ...] = ()
     """Arrays of the file with another number of entries, which are no columns of the table, each with that number in words."""
 
+    beside: pl.DataFrame = field(default_factory=pl.DataFrame)
+    """Columns that were not asked for and may say which sensor a row is of."""
     above: tuple[str, ...] = ()
     """Lines of a text above its table and its header."""
     erased: int = 0

@@ -13,6 +13,7 @@ import polars as pl
 
 from gyrocal.errors import InputError, first_line
 from gyrocal.files import LONGEST_LINE, long_line
+from gyrocal.recording.one_sensor import named_as_sensor, of_gyroscopes
 from gyrocal.recording.readers import layout as layouts
 from gyrocal.recording.readers.layout import BLANKS, HEADER_SEARCH_LINES, MARK, QUOTES, Layout, is_number
 from gyrocal.recording.source import MOST_DAMAGED, OTHER_WIDTH, Source
@@ -22,6 +23,8 @@ HEAD_BYTES = 1024
 """Bytes of a file's beginning, among which a text has no zero."""
 TAIL_BYTES = 4096
 """Bytes of a file's end that are looked at in one step."""
+FIRST_ROWS = 64
+"""Rows in which each of several sensors has its turn."""
 MINUS = "\u2212".encode()
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -61,9 +64,12 @@ def read(
             raise InputError(f"{path}: column {name!r} stands twice in the header")
     if layout.first == len(lines):
         raise InputError(f"{path}: row {layout.first + 1}: no samples")
-    frame = _frame(path, memoryview(data)[starts[layout.first] : end], layout, list(names), option)
+    sensors = [name for name in layout.names if name and named_as_sensor(name)] if names else []
+    cells = _frame(path, memoryview(data)[starts[layout.first] : end], layout, list(dict.fromkeys((*names, *sensors))), option)
+    asked = list(dict.fromkeys(names)) or cells.columns
+    frame, beside = cells.select(asked), cells.drop(asked)
     above = tuple(line for line in lines[: layout.first] if not layouts.is_header(line, layout))
-    return Source(str(path), frame, layout.first + 1, names=tuple(layout.names), above=above)
+    return Source(str(path), frame, layout.first + 1, names=tuple(layout.names), beside=beside, above=above)
 
 
 def _plain(data: bytes) -> bytes:
@@ -124,7 +130,8 @@ def _first_lines(data: bytes, end: int, most: int) -> tuple[list[int], list[str]
 def _frame(path: Path, rows: memoryview, layout: Layout, names: list[str], option: str) -> pl.DataFrame:
     """All rows of a table: as numbers where there are no others, else as text. Comments and lines of blanks are blank lines.
 
-    The cells of a row with another number of cells are ``OTHER_WIDTH``, unless it is a line of text without a number.
+    The cells of a row with another number of cells are ``OTHER_WIDTH``, unless it is a line of text without a number. A column
+    whose first cells have words for gyroscopes is taken beside those of ``names``.
     """
     separator, columns = layout.separator, layout.names
     # the reader takes the number of columns from its first row, which is one wider than the table
@@ -149,6 +156,8 @@ def _frame(path: Path, rows: memoryview, layout: Layout, names: list[str], optio
         table = _parsed(body, separator, layout.width, {})
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"{path}: not a readable table: {first_line(error)}") from None
+    heads = {name: str(place) for place, name in enumerate(columns[: layout.width]) if name and name not in wanted}
+    wanted |= {name: k for name, k in heads.items() if of_gyroscopes(table[k].head(FIRST_ROWS).str.strip_chars(QUOTES))}
     if not _is_even(body, table, layout):
         other = pl.Series(_of_other_width(path, body, table, layout, option))
         table = table.with_columns(pl.when(~other).then(pl.all()).otherwise(pl.lit(OTHER_WIDTH)))
