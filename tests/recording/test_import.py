@@ -15,6 +15,7 @@ from gyrocal.recording.column_map import ColumnMap, Scaling
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.importer import import_recording
 from gyrocal.recording.session import Session
+from gyrocal.warning import Warning
 
 PLAIN = ["gx_dps=x", "gy_dps=y", "gz_dps=z"]
 REST = {"table_rate_dps": 0.0}
@@ -141,9 +142,38 @@ def test_the_rows_that_an_error_advises_to_take_are_those_before_the_times_go_ba
     source.write_text("t,x,y,z\n" + "\n".join(rows) + "\n")
     with pytest.raises(InputError, match=r"row 202: time goes back by 9\.98 s") as error:
         import_recording(source, tmp_path / "out", ["t_s=t", *PLAIN], defaults=REST)
-    cut = re.findall(r"--run (\S+),", str(error.value))
-    run = import_recording(source, tmp_path / "out", ["t_s=t", *PLAIN], defaults=REST, cuts=[Cut.parse(cut[0])]).runs[0]
-    assert len(run) == 200
+    cuts = [Cut.parse(cut) for cut in re.findall(r"--run ([^\s)]+)", str(error.value))]
+    runs = import_recording(source, tmp_path / "out", ["t_s=t", *PLAIN], defaults=REST, cuts=cuts).runs
+    assert [len(run) for run in runs] == [200, 40]
+
+
+@pytest.mark.parametrize("header", [False, True])
+@pytest.mark.parametrize(("rows", "start_s"), [(200, 0.003), (400, 0.0), (150, 2.1)])
+def test_a_recording_that_began_again_is_cut_there(rows: int, start_s: float, header: bool, tmp_path: Path) -> None:
+    """Three recordings of less than 5 s behind each other, as a logger that was switched off and on appends them."""
+    source = tmp_path / "a.csv"
+    sizes = [rows, rows + 37, rows + 5]
+    parts = ["\n".join(f"{start_s + i / 100:.3f},1,2,{i % 7}" for i in range(size)) for size in sizes]
+    source.write_text("t,x,y,z\n" + ("\nt,x,y,z\n" if header else "\n").join(parts) + "\n")
+    row = rows + 2 + header
+    with pytest.raises(InputError, match=rf"row {row}: time goes back by .* s, to another recording") as error:
+        import_recording(source, tmp_path / "out", ["t_s=t:s", *PLAIN], defaults=REST)
+    cuts = [Cut.parse(cut) for cut in re.findall(r"--run ([^\s)]+)", str(error.value))]
+    told: list[Warning] = []
+    found = import_recording(source, tmp_path / "out", ["t_s=t:s", *PLAIN], defaults=REST, cuts=cuts, warn=told.append)
+    assert [len(run) for run in found.runs] == sizes
+    assert [run.t_s[-1] for run in found.runs] == pytest.approx([(size - 1) / 100 for size in sizes], abs=1e-4)
+    assert [w.code for w in told] == (["line_damaged"] if header else [])
+
+
+@pytest.mark.parametrize("header", [False, True])
+def test_a_clock_of_few_digits_and_a_header_in_passing_are_no_restart(header: bool, tmp_path: Path) -> None:
+    """Milliseconds of a second begin again at each second; a header stands within times that go on."""
+    source = tmp_path / "a.csv"
+    parts = [[f"{(10 * i) % (10**9 if header else 1000)},1,2,{i % 7}" for i in part] for part in (range(250), range(250, 500))]
+    source.write_text("t,x,y,z\n" + ("\nt,x,y,z\n" if header else "\n").join("\n".join(part) for part in parts) + "\n")
+    run = import_recording(source, tmp_path / "out", ["t_s=t:ms", *PLAIN], defaults=REST).runs[0]
+    assert run.t_s[-1] == pytest.approx(4.99, abs=1e-3)
 
 
 def test_a_folder_of_euroc_is_named_where_its_format_is_not_stated(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
+import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
@@ -38,6 +39,8 @@ class Converted:
 
     columns: Mapping[str, Array]
     gaps: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    headers: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """Rows that repeat the header."""
     damage: str = ""
     left_out: int = 0
     """Rows without a sample: damaged ones, lines of text, zeros at either end, and erased memory behind the last reading."""
@@ -95,7 +98,15 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     columns = {name: _rows(column, good) for name, column in values.items()}
     damage = _words(source, mappings, kept, damaged, footer, lacking)
     gaps = np.flatnonzero(bad & ~_after_last(~bad))
-    return _mended(source, mappings, Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
+    headers = _headers(source, mappings, kept, gaps)
+    return _mended(source, mappings, Converted(columns, gaps, headers, damage, int(bad.sum()), cells), rate_hz)
+
+
+def _headers(source: Source, mappings: Sequence[ColumnMap], kept: Index, rows: Index) -> Index:
+    """Those of the rows [n] whose cells are the names of their columns."""
+    cells = [(m.column, source.frame[m.column].gather(kept[rows])) for m in mappings]
+    named = [(column == name).fill_null(False).to_numpy() for name, column in cells if column.dtype == pl.String]
+    return rows[np.all(named, axis=0)] if named and rows.size else rows[:0]
 
 
 def _mended(source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None) -> Converted:

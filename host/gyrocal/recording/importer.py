@@ -27,6 +27,7 @@ from gyrocal.recording.joined import Files, stem_of
 from gyrocal.recording.mapped import data_file, files_of, mapped_columns, only_axis
 from gyrocal.recording.register import later_by_s
 from gyrocal.recording.resample import resampled
+from gyrocal.recording.restarts import advice, begins
 from gyrocal.recording.run import points_up
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, check_rate_known, run_entry
@@ -202,6 +203,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     timed = _rate_and_unit(source, mappings, table, rate_hz)
     table, rate_hz = timed.table, timed.rate_hz
     warnings += timed.warnings
+    _check_one_recording(source, mappings, table, options.cuts or [Cut("all")])
     if table.damage:
         warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
     if options.second is not None:
@@ -250,6 +252,23 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     counts = {what: count for what, count in counts.items() if count}
     evened += [warning for run in runs if (warning := read_too_fast(run)) is not None]
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
+
+
+def _check_one_recording(source: Source, mappings: Sequence[ColumnMap], table: Converted, cuts: Sequence[Cut]) -> None:
+    """Raise InputError where another recording begins within one of the cuts."""
+    t_s = table.columns["t_s"]
+    start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
+    found = begins(t_s, np.array([table.place(int(row)) for row in table.headers], dtype=np.intp), start_s)
+    for cut in cuts:
+        start, end = _place(table, cut.start, 0), _place(table, cut.end, table.size)
+        inside = [place for place in found if start < place < end]
+        if inside:
+            back_s = t_s[inside[0] - 1] - t_s[inside[0]]
+            last = -1 if cut.end is None else table.row(end - 1) + 1
+            rows = [*(table.row(place) for place in (start, *inside)), last]
+            raise InputError(
+                f"{source.row(rows[1])}: time goes back by {back_s:.4g} s, to another recording; {advice(rows)}"
+            )
 
 
 def _known_rate(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None) -> tuple[float | None, list[Warning]]:
