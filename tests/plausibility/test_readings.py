@@ -289,6 +289,19 @@ def test_as_many_first_samples_are_to_be_dropped_as_stand_off(off: int, words: s
     assert words in told.text
 
 
+@pytest.mark.parametrize("clips", [True, False])
+def test_a_swing_by_hand_that_is_cut_off_in_one_sense_is_told(clips: bool) -> None:
+    """Five readings of exactly 500 dps, and none near it: a swing that turns back there has them all below it."""
+    session = turned_by([("x", 270.0), ("x", -270.0), ("y", 270.0), ("y", -270.0)])
+    runs = []
+    for run in session.runs:
+        y = rounded(np.minimum(run.gyro_dps[:, 0] * 0.5, 490.0 if clips else 499.0), 1 / 16)
+        y[np.argsort(y)[-5:]] = 500.0 if clips else 500.0 - np.arange(5) / 4
+        runs.append(replace(run, frame=run.table.with_columns(gx_dps=y)) if run is session.runs[0] else run)
+    told = check(session.with_runs(runs))
+    assert ("clipped", "x") in [(w.code, w.axis) for w in told] if clips else "clipped" not in [w.code for w in told]
+
+
 @pytest.mark.parametrize("range_dps", [250.1, 500.0, None])
 def test_a_turn_by_hand_that_is_cut_off_is_told(range_dps: float | None) -> None:
     """In counts of a tenth, and so fast that few readings lie just below the end of the range."""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Set
 
 import numpy as np
 
 from gyrocal.digits import percentage
-from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.recording.stamps import course, in_bursts, lost, period_s, rate_changes, step_range_s
+from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, rate_changes, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -179,14 +179,7 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     at = int(np.argmax(steps_s))
     file, where, of_file = (longest.file, "", "") if len(hit) == 1 else (None, f" in {len(hit)} runs", f" of {longest.file}")
     part = percentage(missing / (missing + there), 2)
-    beside = longest.t_s[: at + 1], longest.t_s[at + 1 :]
-    pause = steps_s[at] > min(map(np.ptp, beside)) > POLICY.least_blocks * BLOCK_S  # each part is long enough for a run
-    if len(hit) == 1 and pause and not any(lost(part, 1 / longest.sample_rate_hz) for part in beside):
-        text = (
-            f"For {steps_s[at]:.3g} s after {longest.t_s[at]:.4g} s there is no sample, the time of {missing} of "
-            f"{missing + there} ({part}). If the logger paused, make a run of each part (--run when importing); if samples "
-            "were lost, read the sensor's FIFO or its data-ready signal"
-        )
+    if len(hit) == 1 and (text := _paused(longest, missing, part)):
         return [Warning("samples_lost", None, file, text)]
     text = (
         f"{missing} of {missing + there} samples{where} are missing ({part}), where the times skip sampling intervals, most "
@@ -194,6 +187,50 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
         "FIFO or its data-ready signal to lose none"
     )
     return [Warning("samples_lost", None, file, text)]
+
+
+def _paused(run: Run, missing: int, part: str) -> str:
+    """What to do with a run whose missing samples are those of pauses between recordings, in words; empty for any other run."""
+    pauses = _pauses(run.t_s)
+    steps_s = np.diff(run.t_s)
+    parts = np.split(run.t_s, pauses + 1)
+    beside = sum(lost(t_s, 1 / run.sample_rate_hz) for t_s in parts)
+    if not pauses.size or beside > POLICY.pause_losses * missing:
+        return ""
+    middles = [f"{(t_s[-1] + after[0]) / 2:.5g}s" for t_s, after in itertools.pairwise(parts)]
+    edges = ["0s", *middles, ""]
+    runs = [f"--run {name}:{start}:{end}" for name, start, end in zip("abcd", edges, edges[1:], strict=False)]
+    more = " and so on" if len(parts) > len(runs) else ""
+    within = f" Within the parts, {beside} samples are missing." if beside else ""
+    if pauses.size == 1:
+        at = int(pauses[0])
+        told = f"For {steps_s[at]:.3g} s after {run.t_s[at]:.4g} s there is no sample, the time of {missing} of "
+    else:
+        longest = int(np.argmax(steps_s))
+        told = (
+            f"For {steps_s[pauses].sum():.4g} s in {pauses.size} pauses, most {steps_s[longest]:.3g} s after "
+            f"{run.t_s[longest]:.4g} s, there is no sample, the time of {missing} of "
+        )
+    return (
+        f"{told}{missing + len(run)} ({part}). If the logger paused, make a run of each part (when importing: "
+        f"{' '.join(runs)}{more}).{within} If samples were lost, read the sensor's FIFO or its data-ready signal"
+    )
+
+
+def _pauses(t_s: Array) -> Index:
+    """The samples before the steps of times [n], s, that are longer than the shorter of the recordings beside them."""
+    steps_s = np.diff(t_s)
+    long = np.flatnonzero(steps_s > POLICY.pause_s)
+    while long.size:
+        edges = np.concatenate([[0], long + 1, [t_s.size]])
+        lasts_s, sizes = t_s[edges[1:] - 1] - t_s[edges[:-1]], np.diff(edges)
+        shorter_s, fewer = np.minimum(lasts_s[:-1], lasts_s[1:]), np.minimum(sizes[:-1], sizes[1:])
+        wrong = (steps_s[long] <= shorter_s) | (fewer < POLICY.pause_samples)
+        if not wrong.any():
+            return long
+        shortest = np.flatnonzero(wrong)[np.argmin(steps_s[long[wrong]])]
+        long = np.delete(long, shortest)
+    return long
 
 
 def _gap(run: Run) -> str:

@@ -226,7 +226,8 @@ def _largest_clipped_dps(session: Session, axis: int) -> float | None:
     if heap and at_largest_code(limit, session.lsb_dps or one_dps or None):
         return limit
     by_hand = session.reference.kind == "gravity"
-    by_noise = detected is not None or (by_hand and _at_both_ends(readings, limit, one_dps))
+    heaped = by_hand and (_at_both_ends(readings, limit, one_dps) or _heaps(readings, limit, one_dps))
+    by_noise = detected is not None or heaped
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
     if stuck or not heap:
@@ -250,6 +251,13 @@ def _at_both_ends(readings: list[Array], limit: float, one_dps: float) -> bool:
     ends = [float((sign * every).max()) for sign in (1.0, -1.0)]
     heaps = [int(np.count_nonzero(sign * every > end - 1e-6)) for sign, end in zip((1.0, -1.0), ends, strict=True)]
     return min(heaps) >= POLICY.least_heap and limit - min(ends) < 1.5 * one_dps
+
+
+def _heaps(readings: list[Array], limit: float, one_dps: float) -> bool:
+    """True if more readings have the largest size than come near it: a hand that turns back at a rate spreads them below it."""
+    sizes = np.abs(np.concatenate(readings))
+    at, near = (int(np.count_nonzero(sizes > limit - apart)) for apart in (1e-6, POLICY.near_counts * one_dps))
+    return at >= POLICY.least_heap and at > near - at
 
 
 def _recurs(session: Session, axis: int, at: list[Mask]) -> bool:

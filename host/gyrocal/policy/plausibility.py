@@ -342,6 +342,22 @@ class Plausibility:
         chosen_by="the lower part of the 0.003 to 0.015 of datasheets; chosen by judgement",
     )  # fmt: skip
 
+    # Pauses between recordings
+    pause_s: float = threshold(
+        1.0, "shortest step of time that may be a pause between two recordings, s",
+        larger="pauses of short recordings are called lost samples", smaller="losses of a radio link are called pauses",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
+    pause_losses: float = threshold(
+        0.1, "part of the missing samples that may be missing within the recordings between pauses",
+        larger="many losses are called pauses", smaller="pauses between recordings are called lost samples",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
+    pause_samples: int = threshold(
+        32, "fewest samples between two pauses", larger="short recordings are called the rest of lost samples",
+        smaller="the few samples between two losses are called a recording", chosen_by=COLUMNS,
+    )  # fmt: skip
+
     # Readings at the end of the range
     least_range_dps: float = threshold(
         15.0, "smallest reading that may be the end of an unstated range, dps",
@@ -355,6 +371,11 @@ class Plausibility:
     least_heap: int = threshold(
         5, "smallest number of readings at the limit whose true rates are compared",
         larger="rare clipping is not reported", smaller="the quantiles of a few values decide",
+    )  # fmt: skip
+    near_counts: float = threshold(
+        50.0, "counts below the largest reading that hold fewer readings than it, if a hand came to the end of the range",
+        larger="rare clipping by hand is not reported", smaller="a hand that turned back at the largest rate is called clipped",
+        chosen_by="chosen by judgement: a parabola spends a seventh of the time of its last 50 counts in the last one",
     )  # fmt: skip
     far_below: float = threshold(
         0.5, "fraction of the limit that the true rates of clipped readings exceed",
