@@ -2,7 +2,9 @@
 
 import datetime
 import gzip
+import json
 import re
+import struct
 import zipfile
 from pathlib import Path
 
@@ -126,6 +128,21 @@ REFUSED: dict[str, tuple[str, str]] = {
     "a sentence above rows without a header": (
         "# Created at Mon Aug 12 13:16:15 in Burnaby \n" + text(separator=" ").partition("\n")[2],
         "no header: name all columns, as by --columns time,gx,gy,gz",
+    ),
+    "hexadecimal without a mark": (
+        text([[r[0], *(f"{c % 2**32:04X}" for c in row)] for r, row in zip(ROWS, COUNTS, strict=True)]),
+        "words of 4 or 8 digits are whole numbers with a sign",
+    ),
+    "hexadecimal where negative": (
+        text([[*r[:3], f"{-3 - i % 5 & 0xFFFFFFFF:08X}" if i % 3 == 0 else f"{i % 5:04X}"] for i, r in enumerate(ROWS)]),
+        "gyro_z holds hexadecimal numbers, as FFFFFFF",
+    ),
+    "the bits of floats": (
+        "\n".join(",".join(struct.pack(">f", float(cell)).hex() for cell in r) for r in ROWS), "the bits of a float",
+    ),
+    "dictionaries of Python": ("\n".join(f"{{'t': {r[0]}, 'gyro': {{'z': {r[3]}}}}}" for r in ROWS), "dictionaries of Python"),
+    "JSON that is one object": (
+        json.dumps({"Meas": {"IMU6": [{"t": r[0], "gz": r[3]} for r in ROWS]}}), "(FILE))['Meas']['IMU6'] is a list in it",
     ),
     "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
     "a header alone": (text([]), "no rows below the header; a recording has two samples at least"),

@@ -94,3 +94,15 @@ def test_a_file_that_is_named_is_joined(tmp_path: Path) -> None:
     write(elsewhere, "time,ax,ay,az", SLOW_S + 500, gravity(SLOW_S))
     with pytest.raises(InputError, match=r"later.csv: its times do not overlap with those of the gyroscope"):
         read_recording(gyroscope, Options(gravity=True, joined=[elsewhere]))
+
+
+def test_a_joined_file_without_a_header_is_told_what_it_needs(tmp_path: Path) -> None:
+    """``--columns`` names those of the gyroscope's file, and was advised though it was given."""
+    phone(tmp_path)
+    for name in ("Gyroscope", "TotalAcceleration"):
+        file = tmp_path / f"{name}.csv"
+        file.write_text(file.read_text().partition("\n")[2])
+    options = Options(columns=["time", "gz", "gy", "gx"], joined=[tmp_path / "TotalAcceleration.csv"], gravity=True)
+    with pytest.raises(InputError, match=r"TotalAcceleration.*write the names of its columns into a line above") as told:
+        read_recording(tmp_path / "Gyroscope.csv", options)
+    assert "--columns" not in str(told.value)

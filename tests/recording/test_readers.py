@@ -77,13 +77,17 @@ def test_objects_of_matlab_say_how_to_export_them(kind: str, says: str, tmp_path
     def element(form: int, content: bytes) -> bytes:
         return struct.pack("<II", form, len(content)) + content.ljust(-(-len(content) // 8) * 8, b"\0")
 
-    words = b"".join(element(1, word.encode()) for word in ("Gyro", "MCOS", kind))
-    flags, size = element(6, struct.pack("<II", 13, 0)), element(5, struct.pack("<ii", 6, 1))
-    data = element(14, flags + size + element(1, b"") + element(6, struct.pack("<6I", 3707764736, 2, 1, 1, 1, 1)))
-    objects = element(14, element(6, struct.pack("<II", 17, 0)) + words + data)
+    def opaque(name: str) -> bytes:
+        words = b"".join(element(1, word.encode()) for word in (name, "MCOS", kind))
+        flags, size = element(6, struct.pack("<II", 13, 0)), element(5, struct.pack("<ii", 6, 1))
+        data = element(14, flags + size + element(1, b"") + element(6, struct.pack("<6I", 3707764736, 2, 1, 1, 1, 1)))
+        return element(14, element(6, struct.pack("<II", 17, 0)) + words + data)
+
+    objects = b"".join(map(opaque, ("Acceleration", "Gyro", "Position")))
     head = b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     (tmp_path / "a.mat").write_bytes(head + objects)
-    with pytest.raises(InputError, match=f"Gyro is an object of MATLAB's class {kind}, .*{re.escape(says)}"):
+    words = rf"Gyro is an object of MATLAB's class {kind}, .*{re.escape(says)}.* Acceleration, Position"
+    with pytest.raises(InputError, match=words):
         readers.read(tmp_path / "a.mat")
 
 

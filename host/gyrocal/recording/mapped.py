@@ -19,7 +19,7 @@ from gyrocal.recording.matrix_columns import is_of_matrix, with_quaternion
 from gyrocal.recording.one_sensor import check_one_sensor
 from gyrocal.recording.padding import erased_from
 from gyrocal.recording.session import AXES
-from gyrocal.recording.signs import with_signs
+from gyrocal.recording.signs import check_decimal, with_signs
 from gyrocal.recording.source import Source
 from gyrocal.recording.split_stamps import is_whole_stamp, with_whole_stamps
 from gyrocal.recording.table import REQUIRED
@@ -79,7 +79,9 @@ def mapped_columns(files: Files, options: Options) -> Mapped:
     source = source_of(files, names if complete else (), options)
     source.check_has(names)
     source = _without_erased(source)
-    source = with_signs(source, _readings(source, mappings, complete))
+    readings = _readings(source, mappings, complete)
+    check_decimal(source, readings)
+    source = with_signs(source, readings)
     check_signed(source, [m.column for m in mappings if m.unit == COUNTS and not m.offset])
     if complete:
         check_one_sensor(source, names)
@@ -132,7 +134,7 @@ def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN)
 
     def one(path: Path) -> Source:
         if path != files.gyroscope:
-            return readers.read(path)
+            return readers.read(path, option="")
         return readers.read(path, asked, options.columns, options.skip, options.topic)
 
     return with_whole_stamps(with_quaternion(joined.read(files, one, stated=bool(options.joined))))

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
+from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
@@ -21,6 +22,8 @@ SELDOM = 0.1
 in 137 s of turns by hand, whose fastest went beyond the range on each axis."""
 FEWEST_STEPS = 8
 """Steps across the ends of the range, from one reading to the next: readings pass through zero."""
+WORDS = 0.95
+"""Part of the cells that are words of hexadecimal digits if a column holds these."""
 
 
 def with_signs(source: Source, names: Sequence[str]) -> Source:
@@ -41,6 +44,23 @@ def with_signs(source: Source, names: Sequence[str]) -> Source:
         return source
     counted = {name: int(np.sum(values >= NEGATIVE)) for name, values in wide.items()}
     return replace(source, frame=source.frame.with_columns(_decoded(source.frame[name]) for name in wide), signed=counted)
+
+
+def check_decimal(source: Source, names: Sequence[str]) -> None:
+    """InputError if a column of readings holds words of 4 or 8 hexadecimal digits, some of which look like decimal numbers."""
+    for name in names:
+        cells = source.frame[name].drop_nulls()
+        if cells.dtype != pl.String or not len(cells) or not cells.str.contains(r"[A-Fa-f]").any():
+            continue
+        words = cells.filter(cells.str.contains(r"^(?:[0-9A-Fa-f]{4}|[0-9A-Fa-f]{8})$"))
+        letters = words.filter(words.str.contains(r"[A-Fa-f]") & words.cast(pl.Float64, strict=False).is_null())
+        if len(letters) < 2 or len(words) < WORDS * len(cells):
+            continue
+        half = 2 ** (4 * len(letters[0]) - 1)
+        raise InputError(
+            f"{source.label}: {name} holds hexadecimal numbers, as {letters[0]}; write decimal ones (int(CELL, 16)), less "
+            f"{2 * half} where they are {half} or more"
+        )
 
 
 def _of_16_bits(source: Source, name: str) -> Array | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
 import zipfile
 from pathlib import Path
@@ -14,6 +15,8 @@ from gyrocal.recording.run import AXES
 from gyrocal.recording.source import Source, of_arrays
 
 ZIP = b"PK\x03\x04"
+OF_GYROSCOPES = r"(?i)gyr|angular|omega|imu"
+"""Words in the name of an object with the readings of a gyroscope."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB "
 MATLAB_4_TYPES = (0, 10, 20, 30, 40, 50)
@@ -73,17 +76,38 @@ def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
     try:
         return of_arrays(path, arrays, holds=_a_gyroscope)
     except InputError:
-        if found := next((value for value in arrays.values() if isinstance(value, MatlabOpaque)), None):
-            raise InputError(f"{path}: {_what_object(found)}") from None
+        if any(isinstance(value, MatlabOpaque) for value in arrays.values()):
+            raise InputError(f"{path}: {_what_object(_objects(file))}") from None
         raise
 
 
-def _what_object(found: Any) -> str:
-    """What an object of MATLAB's own classes is, of which a file shows the name and the class alone, and what to do with it."""
-    name, _, kind = (part.decode() if isinstance(part, bytes) else str(part) for part in found.ravel()[0].tolist()[:3])
+def _objects(file: Path | io.BytesIO) -> dict[str, str]:
+    """The objects of MATLAB's own classes in a file: the class of each by its name, which are all that the file shows.
+
+    A file holds them without a variable's name, so that each has to be read as a file of its own.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatlabOpaque, varmats_from_mat
+
+    found: dict[str, str] = {}
+    for _, part in varmats_from_mat(io.BytesIO(file.read_bytes()) if isinstance(file, Path) else file):
+        for value in loadmat(part).values():
+            if isinstance(value, MatlabOpaque):
+                words = (word.decode() if isinstance(word, bytes) else str(word) for word in value.ravel()[0].tolist()[:3])
+                name, _, kind = words
+                found[name] = kind
+    return found
+
+
+def _what_object(kinds: dict[str, str]) -> str:
+    """What objects of MATLAB's own classes are, and what to do with that of the gyroscope, or the first if none is named so."""
+    name = next((name for name in kinds if re.search(OF_GYROSCOPES, name)), next(iter(kinds)))
+    kind = kinds[name]
     writes = {"timetable": f"writetimetable({name}, '{name}.csv')", "table": f"writetable({name}, '{name}.csv')"}
     advice = writes.get(kind, "save its arrays of numbers as variables, or as columns of a CSV")
-    return f"{name} is an object of MATLAB's class {kind}, which MATLAB alone reads. There: {advice}"
+    others = [other for other in kinds if other != name]
+    beside = f"; beside it are {', '.join(others)}" if others else ""
+    return f"{name} is an object of MATLAB's class {kind}, which MATLAB alone reads. There: {advice}{beside}"
 
 
 def _a_gyroscope(table: Source) -> bool:

@@ -34,6 +34,12 @@ DECIMAL_COMMAS = "decimal commas and commas between the cells look alike; save i
 EMPTY_BY_TABS = re.compile(r"\t *\t|^ *\t")
 FIRST_CELLS = 3
 """Cells of a row among which one names its kind, as after a time."""
+HEXADECIMAL = r"(?:[0-9a-f]{4}|[0-9a-f]{8}|[0-9A-F]{4}|[0-9A-F]{8})"
+"""A word of 16 or 32 bits without a mark of its base."""
+HEXADECIMAL_CELLS = (
+    "hexadecimal numbers are not read; write decimal ones: words of 4 or 8 digits are whole numbers with a sign, or 8 the bits "
+    "of a float (struct.unpack('>f', bytes.fromhex(CELL)))"
+)
 LABELLED = re.compile(r"[A-Za-z]\w*(?: ?=|:)\s*[(\[]?[-+.\d]+")
 """A number with its name before it."""
 CLOCK = re.compile(r"\d:\d\d")
@@ -116,6 +122,8 @@ def find_rows(
         shown = f"{_shown(lines, row)} ({why_no_table(lines, option)})"
         raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {shown}")
     most = counted.most_common(1)
+    if (why := why_no_table(lines, option)) == HEXADECIMAL_CELLS:
+        raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {_shown(lines, skip)} ({why})")
     other = f"most rows have {most[0][0]} cells: name as many; " if most and most[0][1] and most[0][0] != len(columns) else ""
     raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {other}{_shown(lines, skip)}")
 
@@ -155,7 +163,7 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
     """What to do with a text in which no table is found."""
     start = lines[0].lstrip()[:1]
     if start in ("{", "["):
-        return "this is JSON; save it as CSV, as pandas.read_json(FILE, lines=True).to_csv does"
+        return _why_json(lines)
     if start == "<":
         return "this is XML or HTML; save the table in it as CSV"
     head = max((_cells(lines[0], separator) for separator in SEPARATORS), key=len)
@@ -170,9 +178,30 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
     cells = max((_cells(last, separator) for separator in SEPARATORS), key=len)
     if sum(re.fullmatch(r"[-+]?0[xX][0-9a-fA-F]+", cell) is not None for cell in cells) > 1:
         return "hexadecimal numbers are not read; write decimal ones"
+    words = [cell for cell in cells if not is_number(cell)]
+    if words and len(cells) > 1 and all(re.fullmatch(HEXADECIMAL, word) for word in words):
+        return HEXADECIMAL_CELLS
     if (row := _labelled(lines)) is not None and (labelled := re.search(LABELLED, lines[row])):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
+    if not option:
+        return "no header: write the names of its columns into a line above them, as time,ax,ay,az"
     return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+
+
+def _why_json(lines: Sequence[str]) -> str:
+    """What to do with JSON: objects one a line, a list, one object that holds the readings, or the dictionaries of Python."""
+    if re.match(r"[{\[ ]*'", lines[0]):
+        rows = "[ast.literal_eval(line) for line in open(FILE)]"
+        return f"these are dictionaries of Python; save them as CSV, as pandas.json_normalize({rows}).to_csv does"
+    if lines[0].lstrip().startswith("["):
+        return "this is JSON; save it as CSV, as pandas.json_normalize(json.load(open(FILE))).to_csv does"
+    if len(lines) > 1 and all(line.strip().startswith("{") for line in lines[:2]):
+        rows = "[json.loads(line) for line in open(FILE)]"
+        return f"this is JSON, an object a line; save it as CSV, as pandas.json_normalize({rows}).to_csv does"
+    keys = re.match(r'(?:\s*\{\s*"\w+"\s*:)+\s*\[', "\n".join(lines[:ROWS_LOOKED_AT]))
+    place = "".join(f"[{key!r}]" for key in re.findall(r'"(\w+)"', keys[0])) if keys else ""
+    where = f" (json.load(open(FILE)){place} is a list in it)" if place else ""
+    return f"this is JSON, one object that holds all readings{where}; write a CSV with a row for each sample"
 
 
 def _labelled(lines: Sequence[str]) -> int | None:
