@@ -56,3 +56,24 @@ def test_turns_that_agree_within_their_noise_stay_exact() -> None:
     stated = turned(rng, 0.0, (360.0, -360.0), 0.0)
     assert np.median([f.scale_se for f in several if f.scale_se is not None]) == pytest.approx(stated.scale_se, rel=0.1)
     assert np.mean([abs(off(f)) < 1.96 for f in several]) > 0.8
+
+
+@pytest.mark.parametrize("stated_deg", [0.0, None])
+def test_a_bias_that_moves_from_run_to_run_is_in_the_errors(stated_deg: float | None) -> None:
+    """Files of several power cycles in one scenario: six rests scatter by 50 mdps, and the error of their bias was 3."""
+    errors, stated = [], []
+    for seed in range(30):
+        rng, runs = np.random.default_rng([4, seed]), []
+        for k in range(9):
+            turns = k % 3 == 1
+            gyro = rng.normal(0.3 + 0.05 * rng.standard_normal(), 0.1, (N, 3))
+            gyro[:, 2] += 1.004 * 360.0 / DURATION_S * turns
+            known = {"turn_deg": 360.0} if turns else {"table_rate_dps": 0.0}
+            runs.append(replace(make_run(T_S, gyro, **known), turn_se_deg=stated_deg if turns else None))
+        found = next(e for e in calibrate(make_session(*runs)) if e.axis == "z")
+        errors.append([(found.bias_dps - 0.3) / found.bias_se_dps, (found.scale - 0.004) / found.scale_se])
+        stated.append(found.bias_se_dps)
+    of_bias, of_scale = np.std(errors, axis=0)
+    assert 0.7 < of_bias < 1.35
+    assert (0.7 if stated_deg == 0.0 else 0.3) < of_scale < 1.35  # found from three turns, their error is widened to 95 %
+    assert min(stated) > 0.006

@@ -17,7 +17,7 @@ from gyrocal.calibration.network_answer import consecutive, network, network_pri
 from gyrocal.calibration.pairs import is_steady, network_suits, pairs
 from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
-from gyrocal.calibration.turns import with_scatter_of_turns
+from gyrocal.calibration.turns import with_scatter_of_runs, with_scatter_of_turns
 from gyrocal.calibration.uncertainty import DRIFT_TAU_S, drift_sd_dps
 from gyrocal.effects.base import Role
 from gyrocal.effects.earth_rate import EarthRate, in_known_rate
@@ -356,6 +356,7 @@ def _by_model(
             answer = evidence.with_errors(answer)
             sources = by_evidence(evidence, answer)
         else:
+            answer = answer if fitted else with_scatter_of_runs(answer, calibration, mine)
             answer = replace(answer, scale_se=with_table(answer.scale_se, mine))
             sources = by_posterior(calibration, mine, answer, fitted=fitted)
         modelled = [t.effect.id for t in model.on(axis) if t.effect.id != EarthRate.id]  # the estimator has no column for it
