@@ -8,6 +8,7 @@ import pytest
 from by_hand import turned_by
 from gyrocal.calibration.trust import reading_flags
 from gyrocal.diagnosis.residual.reading_tests import reading_fault
+from gyrocal.effects.bias_jumps import jumps
 from gyrocal.plausibility import check
 from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.recording.session import AXES, Session
@@ -287,6 +288,20 @@ def test_as_many_first_samples_are_to_be_dropped_as_stand_off(off: int, words: s
     (told,) = check(recorded(readings))
     assert told.code == "first_sample"
     assert words in told.text
+
+
+@pytest.mark.parametrize(("off", "words"), [(1, "Drop the last sample ("), (2, "Drop the last 2 samples (")])
+def test_last_samples_that_stand_off_are_told(off: int, words: str) -> None:
+    """A hand that stopped a recording of two hours made a step of the bias."""
+    readings = pair()
+    readings[0][-off:, 1] = 5.0
+    session = recorded(readings)
+    (told,) = check(session)
+    assert (told.code, told.axis, told.blocking) == ("last_sample", "y", False)
+    assert words in told.text
+    assert jumps(session.runs[0], 1) == []
+    readings[0][-off:, 1] = readings[0][:off, 1]
+    assert check(recorded(readings)) == []
 
 
 @pytest.mark.parametrize("clips", [True, False])

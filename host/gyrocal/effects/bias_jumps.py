@@ -16,6 +16,7 @@ from gyrocal.effects.reading_fault import Detected, Fault
 from gyrocal.effects.sampling_fault import stale
 from gyrocal.effects.single_bits import may_be_single_power, single_power
 from gyrocal.policy import POLICY
+from gyrocal.recording.first_readings import without_ends
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
@@ -65,7 +66,8 @@ def _searched(runs: Sequence[Run], axis: int) -> list[tuple[int, float]]:
     if run.rate_is_mean:
         return []
     known = np.flatnonzero(run.reached)
-    y = _without_swing(reading_error_dps(run, axis)[known], run.rate_dps[known], run.duration_s)
+    error_dps = without_ends(reading_error_dps(run, axis)[known], float(run.step_dps[axis]))
+    y = _without_swing(error_dps, run.rate_dps[known], run.duration_s)
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []

@@ -19,7 +19,7 @@ from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
 from gyrocal.noise.smoothed import smoothed_s
 from gyrocal.policy import POLICY
-from gyrocal.recording.first_readings import FIRST, first_apart
+from gyrocal.recording.first_readings import FIRST, first_apart, last_apart
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import Timing
@@ -163,6 +163,15 @@ def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
     return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
 
 
+def ends_apart(run: Run, axis: int, y_dps: Array) -> Array:
+    """Deviation of the last readings of a residual [n] from the preceding ones, shape [FIRST], as :func:`begins_apart`."""
+    run = run.about(AXES[axis])
+    if not run.reached[-FIRST - 2 :].all():
+        return np.zeros(min(FIRST, y_dps.size))
+    moves_dps = 2 * float(np.ptp(run.rate_dps[-FIRST - 2 :])) if axis == run.axis_index else 0.0
+    return last_apart(y_dps, float(run.step_dps[axis]), moves_dps)
+
+
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     """Blocks of one run. A run of which only the net angle is known is a single block."""
     n = len(run)
@@ -193,6 +202,7 @@ def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
     else:
         for axis in range(3):
             y[:FIRST, axis] -= begins_apart(run, axis, y[:, axis])
+            y[-FIRST:, axis] -= ends_apart(run, axis, y[:, axis])
             rows_out, apart_dps = outliers_of(run.about(AXES[axis]), axis, y[:, axis])
             y[rows_out, axis] -= apart_dps
     rows = start[:, None] + np.arange(size)

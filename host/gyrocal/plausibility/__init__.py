@@ -49,6 +49,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *columns.check(session, {w.file for w in moved}),
         *about_reference,
         *readings.first_sample(session, levels_dps),
+        *readings.last_sample(session, levels_dps),
         *readings.repeated(session),
         *header.check(session),
     ]

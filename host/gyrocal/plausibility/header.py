@@ -13,7 +13,7 @@ CODES = (
     "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
     "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
     "no_answer", "reference_jumps", "reference_shifted", "reference_unrelated", "offset_ambiguous", "hardly_turned",
-    "noise_unknown", "turn_exact", "corrected_already", "beyond_model", "same_readings",
+    "noise_unknown", "turn_exact", "corrected_already", "beyond_model", "same_readings", "last_sample",
 )  # fmt: skip
 """Codes that ``accept`` may name."""
 

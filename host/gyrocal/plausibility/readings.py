@@ -17,7 +17,7 @@ from gyrocal.plausibility.noise import own_sd_dps, step_dps
 from gyrocal.plausibility.noise import still_dps as still
 from gyrocal.plausibility.runs import lag_samples, longest_lag, told
 from gyrocal.policy import POLICY
-from gyrocal.recording.first_readings import FIRST, first_apart
+from gyrocal.recording.first_readings import FIRST, first_apart, last_apart
 from gyrocal.recording.full_scale import at_full_scale, at_largest_code
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
@@ -352,6 +352,42 @@ def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
 
         out += told(session, "first_sample", axis, [r for r in session.runs if r.file in off], text, False)
     return out
+
+
+def last_sample(session: Session, levels_dps: Levels) -> list[Warning]:
+    """``last_sample``: the last readings of a run deviate from the line through the preceding ones, as of a hand that stops it.
+
+    Readings at the end of the range (``clipped``) deviate by what the range cut off.
+    """
+    out = []
+    for i, (axis, level) in enumerate(zip(AXES, levels_dps, strict=True)):
+        whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[-FIRST:, i])]
+        off = {r.file: apart for r in whole if (apart := _end_apart_dps(r, i)).any()}
+
+        def text(run: Run | None, off: dict[str, Array] = off, axis: str = axis) -> str:
+            ends = list(off.values()) if run is None else [off[run.file]]
+            count = max(_last_apart(apart[::-1]) for apart in ends)
+            drop = "sample" if count == 1 else f"{count} samples"
+            largest = max(np.concatenate(ends), key=abs)
+            return (
+                f"{axis} ends {largest:+.3g} dps off what precedes. Drop the last {drop} (--run when importing), or stop "
+                "recording before the sensor is touched"
+            )
+
+        out += told(session, "last_sample", axis, [r for r in session.runs if r.file in off], text, False)
+    return out
+
+
+def _end_apart_dps(run: Run, axis: int) -> Array:
+    """How far each of the last readings of a run stands off, deg/s; zeros where none does, or where the rate is not known."""
+    if run.rate_is_mean:
+        return np.zeros(FIRST)
+    run = run.about(AXES[axis])
+    own = axis == run.axis_index
+    if own and not run.reached[-FIRST - 2 :].all():
+        return np.zeros(FIRST)
+    moves_dps = 2 * float(np.ptp(run.rate_dps[-FIRST - 2 - longest_lag(run) :])) if own else 0.0
+    return last_apart(still(run, axis), float(run.step_dps[axis]), moves_dps)
 
 
 def _first_apart(session: Session, axis: int, level: float | None) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""First readings of a run that are off what follows."""
+"""First readings of a run that are off what follows, and last ones that are off what precedes."""
 
 from __future__ import annotations
 
@@ -27,3 +27,19 @@ def first_apart(y_dps: Array, step_dps: float, least_dps: float = 0.0) -> Array:
     noise = float(np.sqrt(np.mean(left[FIRST:] ** 2)))
     least = STANDS_OFF * noise + STANDS_OFF_STEPS * step_dps + least_dps
     return np.where(np.abs(left[:FIRST]) > least, left[:FIRST], 0.0) if noise > 0 and abs(left[0]) > least else nothing
+
+
+def last_apart(y_dps: Array, step_dps: float, least_dps: float = 0.0) -> Array:
+    """How far each of the last readings is off the line through those that precede, as :func:`first_apart`, shape [FIRST]."""
+    return first_apart(y_dps[::-1], step_dps, least_dps)[::-1]
+
+
+def without_ends(y_dps: Array, step_dps: float) -> Array:
+    """Readings [n], deg/s, with the first and last ones that stand off put onto the line through those beside them."""
+    first, last = first_apart(y_dps, step_dps), last_apart(y_dps, step_dps)
+    if not first.any() and not last.any():
+        return y_dps
+    out = y_dps.copy()
+    out[: first.size] -= first
+    out[out.size - last.size :] -= last
+    return out

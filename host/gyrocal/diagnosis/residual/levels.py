@@ -20,7 +20,7 @@ from gyrocal.diagnosis.residual.scatter import BlocksOfRun, Scatter, unevenness
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
-from gyrocal.inference.blocks import BLOCK_S, begins_apart
+from gyrocal.inference.blocks import BLOCK_S, begins_apart, ends_apart
 from gyrocal.inference.excess_error import difference_errors
 from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -64,6 +64,8 @@ class MeanSquares:
             columns, residual, cycle = of_cycle(rate), p.residual_dps, p.run.scenario
             if p.rows.start == 0:
                 residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+            if p.rows.stop == len(p.run):
+                residual[-FIRST:] -= ends_apart(p.run, p.axis, residual)
             seen = p.run.reached[p.rows]  # the others have no prediction and no residual
             residual, columns = residual[seen], columns[seen]
             squares += float(residual @ residual)
