@@ -10,6 +10,7 @@ from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
+from gyrocal.recording.stamps import period_s
 from make_runs import Array, make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
@@ -109,6 +110,19 @@ def test_pauses_that_are_long_against_the_recordings_lie_between_recordings() ->
     few[120:580] = False  # what the link let through now and then is no recording
     (told,) = check(make_session(make_run(t_s[few], y_dps[few], table_rate_dps=0.0, rate_hz=50.0)))
     assert "in 3 pauses" not in told.text
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 6.28])
+def test_a_gap_between_bursts_is_told_and_makes_no_other_rate(gap_s: float) -> None:
+    """Four samples 1 ms apart every 22 ms: the rate that import wrote was called wrong, and the gap was not told."""
+    number = np.arange(4000)
+    t_s = number // 4 * 0.022 + number % 4 * 0.00104
+    t_s[800:] += gap_s
+    y_dps = np.random.default_rng(1).normal(0, 0.05, (t_s.size, 3))
+    rate_hz = float(f"{1 / period_s(t_s):.5g}")
+    told = check(make_session(make_run(t_s, y_dps, table_rate_dps=0.0, rate_hz=rate_hz)))
+    assert [w.code for w in told] == ["samples_lost"] * (gap_s > 0)
+    assert all("6.3 s after 4.381 s" in w.text for w in told)
 
 
 @pytest.mark.parametrize("kind", ["ms", "jitter", "ticks", "late"])

@@ -11,7 +11,7 @@ from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, rate_changes, step_range_s
+from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, rate_changes, regression, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -170,7 +170,7 @@ def _changed_rate(session: Session, mistimed: Set[str | None]) -> list[Warning]:
 def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     """``samples_lost``: steps of time that hold several sampling intervals. Times in the files of ``mistimed`` are wrong."""
     timed = [r for r in session.runs if not {None, r.file} & mistimed]
-    hit = [(r, missing) for r in timed if (missing := lost(r.t_s, 1 / r.sample_rate_hz)) > 0]
+    hit = [(r, missing) for r in timed if (missing := lost(r.t_s, 1 / r.sample_rate_hz) or _lost_between_bursts(r.t_s)) > 0]
     if not hit:
         return []
     missing, there = sum(number for _, number in hit), sum(len(r) for r, _ in hit)
@@ -187,6 +187,24 @@ def _lost(session: Session, mistimed: Set[str | None]) -> list[Warning]:
         "FIFO or its data-ready signal to lose none"
     )
     return [Warning("samples_lost", None, file, text)]
+
+
+def _lost_between_bursts(t_s: Array) -> int:
+    """Samples missing from stamps [n], s, that come in bursts, if there is a gap that no wait for a packet explains."""
+    if not _gap_between_bursts(t_s):
+        return 0
+    found = regression(t_s)
+    return found.lost if found.even else 0
+
+
+def _gap_between_bursts(t_s: Array) -> bool:
+    """True if stamps [n], s, come in bursts, and the longest wait between two is far longer than the others."""
+    longest_s = step_range_s(t_s)[1]
+    if longest_s <= POLICY.pause_s or not in_bursts(t_s):
+        return False
+    steps_s = np.diff(t_s)
+    waits_s = steps_s[steps_s > float(np.mean(steps_s)) / 2]
+    return longest_s > POLICY.pause_waits * float(np.median(waits_s))
 
 
 def _paused(run: Run, missing: int, part: str) -> str:
@@ -274,6 +292,8 @@ def measured_hz(run: Run) -> float:
     first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])
     number = first - first.mean()
     hz = float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))
+    if _gap_between_bursts(run.t_s) and abs(1 / interval_s / run.sample_rate_hz - 1) <= POLICY.sample_rate_off:
+        return 1 / interval_s  # a gap between bursts makes their mean rate smaller
     if hz < POLICY.slowest_hz or bursts:
         return hz
     missing = lost(run.t_s, 1 / run.sample_rate_hz)

@@ -353,6 +353,10 @@ class Plausibility:
         larger="many losses are called pauses", smaller="pauses between recordings are called lost samples",
         chosen_by=COLUMNS,
     )  # fmt: skip
+    pause_waits: float = threshold(
+        8.0, "usual waits between bursts of samples that a gap between two is longer than",
+        larger="gaps between bursts are not told", smaller="a host that stalled is called lost samples", chosen_by=COLUMNS,
+    )  # fmt: skip
     pause_samples: int = threshold(
         32, "fewest samples between two pauses", larger="short recordings are called the rest of lost samples",
         smaller="the few samples between two losses are called a recording", chosen_by=COLUMNS,
