@@ -10,7 +10,7 @@ from gyrocal.digits import percentage
 
 HOST = Path(__file__).resolve().parents[2] / "host/gyrocal"
 NOT_A_PART = {
-    "calibrate.py", "references.py", "sizes.py", "hands.py",  # errors, and a scatter of the scale
+    "calibrate.py", "references.py", "scales.py", "sizes.py", "hands.py",  # errors, and a scatter of the scale
     "doubt.py",  # limits of the policy
     "guide.py", "budget.py",  # forms of errors, and the widths of bars
 }  # fmt: skip

@@ -18,6 +18,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.budget import budget
 from gyrocal.gravity.fit import CROSS, GravityFit, fit, full
+from gyrocal.gravity.scales import unseen
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Session
@@ -86,7 +87,7 @@ def calibrate(
     if refused is not None and not fits:
         raise refused
     last = next(iter(fits.values()))
-    return Calibration(estimates, fits, [*warnings, *_unseen(last)])
+    return Calibration(estimates, fits, [*warnings, *unseen(last, POLICY.unseen)])
 
 
 def _by_scenario(session: Session, model: Model) -> dict[str, GravityFit]:
@@ -148,20 +149,4 @@ def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
                 "scenario": scenario, "axis": axis, "about": name.removeprefix("m_"),
                 "value": term.values[name] if seen else None, "se": term.se[name] * max(1.0, fitted.misfit) if seen else None,
             })  # fmt: skip
-    return out
-
-
-def _unseen(fitted: GravityFit) -> list[Warning]:
-    """``no_answer``: a warning for each axis whose scale no movement determines, with advice."""
-    out = []
-    for axis in AXES:
-        term = next(t for t in fitted.model.on(axis) if t.effect.role is Role.SCALE)
-        se = next(iter(term.se.values()))
-        if se > POLICY.unseen:
-            text = (
-                f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
-                f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "
-                "several times both ways, with a rest of two seconds before and after"
-            )
-            out.append(Warning("no_answer", axis, None, text))
     return out

@@ -19,7 +19,7 @@ from gyrocal.diagnosis.residual.parameter_moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
-from gyrocal.gravity import naming
+from gyrocal.gravity import naming, scales
 from gyrocal.gravity.evidence import Evidence
 from gyrocal.gravity.fit import CROSS, GravityFit, fit, why_invisible
 from gyrocal.gravity.heldout import HeldOut
@@ -27,7 +27,7 @@ from gyrocal.gravity.observations import Rows, parameters
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Session
-from gyrocal.warning import Warning
+from gyrocal.warning import Warning, accepted
 
 PROBES = (
     ("rate", "a*rate*abs(rate)**2"), ("direction", "a*abs(rate)"), ("acceleration", "a*ax + b*ay + c*az"),
@@ -93,6 +93,9 @@ def measure(session: Session, model: Model | str | Path | None = None) -> Compar
     scene = Scene.of(session)
     warnings = [*plausibility.check(session, opened), *scene.warnings]
     fitted = fit(scene, opened)
+    if not any(w.code == "scale_implausible" for w in warnings):
+        about_scales = [*scales.implausible(fitted), *scales.unseen(fitted, POLICY.largest_scale)]
+        warnings += accepted(about_scales, session.accept)
     evidence = Evidence(fitted)
     note = ""
     if fitted.left_out:

@@ -99,6 +99,11 @@ class Gravity:
         0.02, "standard error of a scale or misalignment above which it is not stated",
         larger="values are stated that the movements do not determine", smaller="short sessions have no scale",
     )  # fmt: skip
+    implausible_errors: float = threshold(
+        3.0, "standard errors by which a scale must be beyond the largest one of a working sensor to be implausible",
+        larger="scales that no sensor has pass", smaller="scales that few movements determine are called implausible",
+        chosen_by="chosen by judgement; pytest tests/gravity/test_scales.py holds a session on both sides",
+    )  # fmt: skip
     movement_misfit_errors: float = threshold(
         4.0, "standard deviations by which the misfit of noise alone must be exceeded for the flag misfit",
         larger="answers with unmodelled effects are trusted", smaller="sound answers are flagged",

@@ -1,0 +1,45 @@
+"""Whether the movements by hand determine the scales that are fitted, and whether a sensor has such scales."""
+
+from __future__ import annotations
+
+from gyrocal.effects.base import Role
+from gyrocal.gravity.fit import GravityFit
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import AXES
+from gyrocal.warning import Warning
+
+
+def unseen(fitted: GravityFit, largest_se: float) -> list[Warning]:
+    """``no_answer``: a warning for each axis whose scale the movements leave unsure by more than ``largest_se``."""
+    out = []
+    for axis in AXES:
+        _, se = _scale(fitted, axis)
+        if se > largest_se:
+            text = (
+                f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
+                f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "
+                "several times both ways, with a rest of two seconds before and after"
+            )
+            out.append(Warning("no_answer", axis, None, text))
+    return out
+
+
+def implausible(fitted: GravityFit) -> list[Warning]:
+    """``scale_implausible``: fitted scales that no gyroscope has, beyond what their errors explain."""
+    out = []
+    for axis in AXES:
+        scale, se = _scale(fitted, axis)
+        if abs(scale) > POLICY.largest_scale + POLICY.implausible_errors * se:
+            text = (
+                f"the movements give {axis} a scale error of {scale:+.0%}; gyroscopes have a few percent. Check the range, the "
+                "size of one count (--lsb-dps when importing) and the samples a second, and that the sensor lay still between "
+                "the movements"
+            )
+            out.append(Warning("scale_implausible", axis, None, text, True))
+    return out
+
+
+def _scale(fitted: GravityFit, axis: str) -> tuple[float, float]:
+    """The fitted error of the scale of an axis and its standard error; zeros if the model has none."""
+    term = next((t for t in fitted.model.on(axis) if t.effect.role is Role.SCALE), None)
+    return (0.0, 0.0) if term is None else (next(iter(term.values.values())), next(iter(term.se.values()), 0.0))

@@ -1,0 +1,29 @@
+"""Scales by gravity that no sensor has, or that the movements leave unsure, beside a verdict."""
+
+from dataclasses import replace
+
+import pytest
+
+from by_hand import turned_by
+from gyrocal.gravity.compare import measure
+from gyrocal.recording.session import Session
+
+TURNS = [("y", 90.0), ("z", 90.0), ("x", 90.0), ("y", -90.0), ("x", -90.0), ("z", -90.0)] * 2
+
+
+def with_factor(session: Session, axis: str, factor: float) -> Session:
+    name = f"g{axis}_dps"
+    return session.with_runs([replace(r, frame=r.table.with_columns(r.table[name] * factor)) for r in session.runs])
+
+
+@pytest.mark.parametrize(("factor", "codes"), [(1.05, []), (1.4, [("scale_implausible", "y", True)])])
+def test_a_scale_that_no_sensor_has_is_told(factor: float, codes: list[tuple[str, str, bool]]) -> None:
+    """Of one axis alone: the rates of all by one factor are told before the fit."""
+    found = measure(with_factor(turned_by(TURNS), "y", factor))
+    assert [(w.code, w.axis, w.blocking) for w in found.warnings if w.code in ("scale_implausible", "no_answer")] == codes
+
+
+def test_a_scale_that_the_movements_leave_unsure_is_no_scale() -> None:
+    """Scales unsure by 29 % stood beside the verdict adequate."""
+    found = measure(turned_by([("y", 90.0), ("y", -90.0)] * 4))
+    assert {(w.code, w.axis) for w in found.warnings} >= {("no_answer", "x"), ("no_answer", "z")}
