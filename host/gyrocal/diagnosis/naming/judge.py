@@ -64,7 +64,7 @@ def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask
     if signal is not None:
         blocks = whole.fit.design.given
         if signal.size != sum(b.start.size for b, keep in zip(blocks, kept, strict=True) if keep):
-            blocks = whole.of_samples().fit.design.given  # on which the candidate was judged
+            blocks = whole.samples  # on which the candidate was judged
         known = np.repeat(kept, [b.start.size for b in blocks])
         signal, of_kept = np.full(known.size, np.nan), signal
         signal[known] = of_kept

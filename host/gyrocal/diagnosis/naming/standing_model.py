@@ -14,7 +14,7 @@ from gyrocal.diagnosis.residual.rounding import beside_rounding
 from gyrocal.effects.base import Effect, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
-from gyrocal.inference.blocks import BLOCK_S, by_sample
+from gyrocal.inference.blocks import BLOCK_S, Blocks, by_sample
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
@@ -69,9 +69,13 @@ class Current:
     def of_samples(self) -> Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
         design = self.fit.design
-        blocks = by_sample([b.about(self.axis) for b in self.comparison.fit.blocks])
-        samples = design.over(blocks, cell_s=design.cell_s or BLOCK_S)
+        samples = design.over(self.samples, cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
+
+    @property
+    def samples(self) -> list[Blocks]:
+        """The samples of each run as blocks of one."""
+        return by_sample([b.about(self.axis) for b in self.comparison.fit.blocks])
 
     def with_effect(self, effect: Effect, values: Values) -> Current:
         """The model with one more effect on this axis, fitted with the noise.
