@@ -52,8 +52,10 @@ def with_scatter_of_runs(answer: Answer, calibration: Calibration, runs: Sequenc
     A bias that moves from run to run, or recordings that are no one power cycle, show in no single run. Turns move as the
     others do, unless their own scatter is in their error already.
     """
+    if not any(r.rate_is_mean for r in runs):
+        return answer
     noise, axis = calibration.noise, AXES.index(calibration.axis)
-    known = [r for r in runs if r.reference_dps is None]
+    known = [r for r in runs if r.measured_rates is None and r.reference_dps is None]
     rate_dps = np.array([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in known])
     read_dps = np.array([float(np.mean(r.gyro_dps[:, axis])) for r in known])
     variance = np.array([noise.white_sd_dps**2 / len(r) + noise.ou_sd_dps**2 for r in known])
