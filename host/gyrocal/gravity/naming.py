@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.diagnosis.naming.candidate import Candidate, best_first
+from gyrocal.diagnosis.naming.candidate import Candidate, best_first, number_tested
 from gyrocal.diagnosis.naming.decision import evident_gain, in_range, proven, with_q_values, without_unphysical
 from gyrocal.diagnosis.naming.rivals import with_groups
 from gyrocal.effects.base import Effect, effects
@@ -34,7 +34,7 @@ def candidates(evidence: Evidence, own: Sequence[Effect] = ()) -> list[Candidate
 
 def _decided(judged: Sequence[Candidate], evidence: Evidence) -> list[Candidate]:
     """Add, suggest or reject. Beside a first candidate another is added only if it still gains with the first in the model."""
-    tested = sum(c.decision != "not_measurable" for c in judged)
+    tested = number_tested(judged)
     strongest = max((c.gain or 0.0 for c in judged), default=0.0)
     order = sorted(range(len(judged)), key=lambda i: -(judged[i].gain or 0.0))
     out = list(judged)

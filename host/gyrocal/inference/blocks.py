@@ -7,7 +7,7 @@ Outliers are moved back to their neighbours first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -156,20 +156,20 @@ def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
 
     It is zero where the first readings have no reference, as beside the start of a measured angle.
     """
-    run = run.about(AXES[axis])
-    if not run.reached[: FIRST + 2].all():
-        return np.zeros(FIRST)
-    moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
-    return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
+    return _apart(run, axis, y_dps, slice(FIRST + 2), first_apart)
 
 
 def ends_apart(run: Run, axis: int, y_dps: Array) -> Array:
     """Deviation of the last readings of a residual [n] from the preceding ones, shape [FIRST], as :func:`begins_apart`."""
+    return _apart(run, axis, y_dps, slice(-FIRST - 2, None), last_apart)
+
+
+def _apart(run: Run, axis: int, y_dps: Array, near: slice, apart: Callable[[Array, float, float], Array]) -> Array:
     run = run.about(AXES[axis])
-    if not run.reached[-FIRST - 2 :].all():
+    if not run.reached[near].all():
         return np.zeros(min(FIRST, y_dps.size))
-    moves_dps = 2 * float(np.ptp(run.rate_dps[-FIRST - 2 :])) if axis == run.axis_index else 0.0
-    return last_apart(y_dps, float(run.step_dps[axis]), moves_dps)
+    moves_dps = 2 * float(np.ptp(run.rate_dps[near])) if axis == run.axis_index else 0.0
+    return apart(y_dps, float(run.step_dps[axis]), moves_dps)
 
 
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:

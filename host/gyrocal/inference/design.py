@@ -219,7 +219,7 @@ class Design:
             else:
                 columns = self._stand_in(t, faster) if self.lacking[t][i] else self._at_samples(term, faster)
                 slopes = (b.mean(columns) - means) / RATE_STEP_DPS
-                if term.effect.fast and not self.lacking[t][i]:
+                if term.effect.fast and slopes.any() and not self.lacking[t][i]:
                     slower = self._at_samples(term, replace(b, run=with_slower_rate(b.run)))
                     below = (means - b.mean(slower)) / RATE_STEP_DPS
                     slopes = np.where(np.abs(below) < np.abs(slopes), below, slopes)

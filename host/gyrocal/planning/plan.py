@@ -11,6 +11,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.naming.candidate import number_tested
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -175,7 +176,7 @@ class _Planner:
         columns = Columns(current, self.members, self.rig, self.expected, cycles, seconds)
         if self.question.kind == "measure":
             return ToMeasure(Precision.of(columns, self.members[0]))
-        tested = max(1, sum(c.decision != "not_measurable" for c in self.diagnosis.candidates))
+        tested = max(1, number_tested(self.diagnosis.candidates))
         least = float(tails.chi_square_value(POLICY.name_alarm / tested, 1)) / 2
         everyone = range(len(self.members))
         return ToTellApart([

@@ -9,7 +9,7 @@ from typing import Any
 
 from gyrocal.diagnosis.answer.diagnose import Diagnosis
 from gyrocal.diagnosis.answer.explain import REPEAT
-from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.naming.decision import in_range, proven
 from gyrocal.diagnosis.residual import angles
 from gyrocal.diagnosis.residual.comparison import Comparison
@@ -299,7 +299,7 @@ def _also(d: Diagnosis, best: Candidate) -> str:
 
 def too_large(d: Diagnosis) -> Candidate | None:
     """The likeliest effect on the axis of the unknown misfit that is certain, but larger than any sensor has it."""
-    tested = sum(c.decision != "not_measurable" for c in d.candidates)
+    tested = number_tested(d.candidates)
     found = (c for c in d.candidates if d.unknown is not None and c.axis == d.unknown["axis"] and c.values)
     large = [c for c in found if not in_range(c) and not c.contradicted and proven(c, tested)]
     return max(large, key=lambda c: c.gain or 0.0, default=None)

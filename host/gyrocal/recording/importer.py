@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
-from gyrocal.recording import plateaus, stated
+from gyrocal.recording import plateaus
 from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
 from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.convert import Converted, convert, rate_of
@@ -34,6 +34,7 @@ from gyrocal.recording.session import AXES, Array, Run, Session, check_rate_know
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import goes_back, period_s
+from gyrocal.recording.stated import rate_hz as stated_rate_hz
 from gyrocal.recording.table import OPTIONAL, REQUIRED, all_finite, check_table, write_table
 from gyrocal.warning import Warning
 
@@ -278,7 +279,7 @@ def _known_rate(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | 
     """
     if rate_hz is not None or "t_s" in {m.target for m in mappings}:
         return rate_hz, []
-    if (rate_hz := stated.rate_hz(source.above)) is None:
+    if (rate_hz := stated_rate_hz(source.above)) is None:
         what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
         raise InputError(f"{source.label}: {what}{_perhaps_time(source)}{source.not_taken(mappings)}")
     text = f"{source.label}: no time is mapped; a line above the table states {rate_hz:g} Hz, which is taken"

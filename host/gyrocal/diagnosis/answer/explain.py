@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.diagnosis.answer.diagnose import Diagnosis, diagnose
-from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.naming.decision import significant
 from gyrocal.diagnosis.naming.judge import added_parameters, judge
 from gyrocal.diagnosis.naming.sets import choose, overlapping, without
@@ -216,7 +216,7 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
     reconsidered = [e.id for e in again if e.id in earlier]
     if len(again) == 1:
         return alone
-    tested = sum(c.decision != "not_measurable" for c in diagnosis.candidates)
+    tested = number_tested(diagnosis.candidates)
     choice = choose(without(current, reconsidered), again, tested)
     stay = {e.id for e in choice.certain} | set(choice.open)
     unsupported = {c.effect.id for c in diagnosis.candidates if c.axis == lead.axis and not c.supported}
@@ -286,7 +286,7 @@ def _without_needless(
 
     The first effect of an axis can absorb a part of one that is found later. No effect is dropped twice, so that the steps end.
     """
-    tested = sum(c.decision != "not_measurable" for c in last.candidates)
+    tested = number_tested(last.candidates)
 
     def needless(axis: str, effect_id: str) -> bool:
         effect = base.effects().get(effect_id)

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.naming.decision import evident_gain, in_range, meets, proven, sure_gain
 from gyrocal.diagnosis.naming.explained import explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
@@ -39,7 +39,7 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
 
     Rivals of a better one stay, because the session cannot tell which of them acts.
     """
-    tested = sum(c.decision != "not_measurable" for c in candidates)
+    tested = number_tested(candidates)
     named, runs = [c for c in candidates if c.decision == "add"], comparison.fit.session.runs
 
     def of_another(c: Candidate) -> bool:
@@ -144,7 +144,7 @@ def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Can
     Sets are compared on axes with a finding and without a name. Effects of time are compared on every axis on which one of them
     was suggested.
     """
-    tested = sum(c.decision != "not_measurable" for c in candidates)
+    tested = number_tested(candidates)
     found = {f.axis for f in comparison.where} - {c.axis for c in candidates if c.decision == "add"}
     out = list(candidates)
     for axis in comparison.judged:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -151,6 +152,11 @@ class Candidate:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
+
+
+def number_tested(candidates: Iterable[Candidate]) -> int:
+    """How many of the candidates were tested: among so many may one seem significant by chance."""
+    return sum(c.decision != "not_measurable" for c in candidates)
 
 
 BEST_FIRST = ("add", "suggest", "reject", "not_measurable")

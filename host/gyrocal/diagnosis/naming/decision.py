@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
 from gyrocal.effects.optional import OwnLine
@@ -29,7 +29,7 @@ def with_q_values(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
     """Decide for each candidate, whose q-value must be known, whether to add, suggest or reject it."""
-    tested = sum(c.decision != "not_measurable" for c in candidates)
+    tested = number_tested(candidates)
     out = []
     for c in candidates:
         if significant(c):

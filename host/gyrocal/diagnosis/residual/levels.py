@@ -304,8 +304,7 @@ def scatter_of(fitted: Fit, axis: str, cleaned: Cleaned, spectrum: Spectrum) -> 
         total += float(runs[-1].squares.sum()) + float(np.sum((last - last.mean()) ** 2) if last.size else 0.0)
         degrees += b.within_n + max(0, last.size - 1)
     if degrees < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
-        blocks = fitted.axes[axis].design.blocks
-        own = np.concatenate([np.ones(b.n.size) if b.weight is None else 1 / b.weight for b in blocks])
+        own = np.concatenate([b.n / b.precision for b in fitted.axes[axis].design.blocks])
         return Scatter(fitted.axes[axis].noise.white_sd_dps ** 2, peaked=float(np.mean(own**2) / np.mean(own) ** 2))
     power = max(total / degrees - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
     return Scatter(power, *unevenness(runs, degrees))

@@ -15,7 +15,7 @@ from gyrocal.recording.run import AXES
 from gyrocal.recording.source import Source, of_arrays
 
 ZIP = b"PK\x03\x04"
-OF_GYROSCOPES = r"(?i)gyr|angular|omega|imu"
+GYROSCOPE_OBJECT = r"(?i)gyr|angular|omega|imu"
 """Words in the name of an object with the readings of a gyroscope."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB "
@@ -101,7 +101,7 @@ def _objects(file: Path | io.BytesIO) -> dict[str, str]:
 
 def _what_object(kinds: dict[str, str]) -> str:
     """What objects of MATLAB's own classes are, and what to do with that of the gyroscope, or the first if none is named so."""
-    name = next((name for name in kinds if re.search(OF_GYROSCOPES, name)), next(iter(kinds)))
+    name = next((name for name in kinds if re.search(GYROSCOPE_OBJECT, name)), next(iter(kinds)))
     kind = kinds[name]
     writes = {"timetable": f"writetimetable({name}, '{name}.csv')", "table": f"writetable({name}, '{name}.csv')"}
     advice = writes.get(kind, "save its arrays of numbers as variables, or as columns of a CSV")

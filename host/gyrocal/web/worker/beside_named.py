@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gyrocal.diagnosis.answer.diagnose import Diagnosis
-from gyrocal.diagnosis.naming.candidate import Candidate
+from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.naming.judge import judge
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
@@ -25,7 +25,7 @@ ORDER = {"add": 1, "suggest": 2, "reject": 3, "not_measurable": 4}
 def as_shown(found: Diagnosis) -> list[Candidate]:
     """The candidates: those that are sure by themselves first, then those of which one acts, then hints."""
     out = list(found.candidates)
-    tested = sum(c.decision != "not_measurable" for c in out)
+    tested = number_tested(out)
     for axis in found.comparison.judged:
         changed = _on_axis([c for c in out if c.axis == axis], found.comparison, axis, tested)
         out = [changed.get(c.effect.id, c) if c.axis == axis else c for c in out]
