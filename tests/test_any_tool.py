@@ -48,6 +48,7 @@ def test_a_correction_is_held_against_the_planted_error(any_tool: Any) -> None:
     assert any_tool.left_over(any_tool.Told(), runs) is None
 
 
+@pytest.mark.wide
 def test_names_sizes_and_failures_are_counted_on_the_edge_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -62,6 +63,7 @@ def test_names_sizes_and_failures_are_counted_on_the_edge_cases(
     assert broken["names"]["cases"] == 0
 
 
+@pytest.mark.wide
 def test_who_knows_what_was_planted_has_no_error(
     any_tool: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -121,7 +123,11 @@ def test_a_slip_is_one_line(
     assert says in told
 
 
-@pytest.mark.parametrize("file", sorted(TOOLS.glob("*.py")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(f, marks=[pytest.mark.wide] * (f.stem == "gyrocal_explain")) for f in sorted(TOOLS.glob("*.py"))],
+    ids=lambda file: file.stem,
+)
 def test_the_examples_answer(file: Path, tmp_path: Path, any_tool: Any, require_module: Any) -> None:
     if file.stem == "lasso":
         require_module("sklearn")
@@ -131,6 +137,7 @@ def test_the_examples_answer(file: Path, tmp_path: Path, any_tool: Any, require_
     assert told.error is None
 
 
+@pytest.mark.wide
 def test_scale_and_bias_are_held_against_a_strangers_reference(
     any_tool: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -41,6 +41,7 @@ def paper() -> Iterator[dict[str, Any]]:
         yield benchmark.benchmark("paper", sample=True, quiet=True)
 
 
+@pytest.mark.wide
 def test_paper_has_the_pinned_keys(paper: dict[str, Any]) -> None:
     check("benchmark", paper)
     assert {row["hidden"] for row in paper["misfit"]} == set(HIDDEN)
@@ -179,6 +180,7 @@ def test_a_benchmark_that_there_is_not() -> None:
         benchmark.benchmark("nothing")
 
 
+@pytest.mark.wide
 def test_field_counts_names_alarms_and_errors_and_resumes(tmp_path: Path) -> None:
     results = tmp_path / "field.jsonl"
     part = {"kinds": ["coarse", "temp_missing"], "limit": 1, "results": results, "seed": 403}

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PYTHON = os.environ.get("GYROCAL_PYTHON") or sys.executable
 """The Python of another environment, in which tutorials and notebook then run: ``make wheel`` names it."""
 TUTORIALS = [
-    pytest.param(page, marks=[pytest.mark.wide] * (page.stem == "log"))
+    pytest.param(page, marks=[pytest.mark.wide] * (page.stem in ("log", "table")))
     for page in sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 ]
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -83,6 +83,7 @@ def _wait_for(path: Path) -> None:
     pytest.fail(f"{path.name} did not appear")
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("known_answers", "tests_alone")
 def test_the_notebook_runs_and_its_error_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "Agg")

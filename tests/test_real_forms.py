@@ -15,7 +15,9 @@ real_forms = study("real_forms")
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 
-AGAIN = ("nilspod_ferraris_360", "thermal_chamber_imu", "mpu6050_encoder_stepper")
+AGAIN = (
+    "nilspod_ferraris_360", "thermal_chamber_imu", "mpu6050_encoder_stepper", "broad_optical_ref", "mpu6050_multipose_tedaldi"
+)  # fmt: skip
 """At rest, by known turns and by an encoder, which test_recordings.py and recording/test_real.py import and diagnose, too."""
 
 

@@ -43,6 +43,7 @@ def near(found: tuple[float, float], truth: float, also: float = 0.0) -> bool:
     return abs(found[0] - truth) < 3 * found[1] + also
 
 
+@pytest.mark.wide
 def test_motion_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Terminal) -> None:
     lines = REFERENCES["Motion capture"]
     beside(lines[0][1], tmp_path, monkeypatch)
@@ -68,6 +69,7 @@ def test_an_encoders_angle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capf
     assert float(re.findall(r"tau_s = ([0-9.e+-]+)", model)[-1]) == pytest.approx(0.012, abs=0.001)
 
 
+@pytest.mark.wide
 def test_turns_of_a_known_angle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Terminal) -> None:
     lines = REFERENCES["Turns of a known angle"]
     beside(lines[0][1], tmp_path, monkeypatch)
@@ -78,6 +80,7 @@ def test_turns_of_a_known_angle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         assert estimate["flags"] == ["misfit"]
 
 
+@pytest.mark.wide
 def test_a_reference_in_a_second_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Terminal) -> None:
     title = "A reference in a second file"
     pytest.importorskip("scipy")

@@ -32,6 +32,7 @@ def test_counts_are_those_of_scipy_stats(least: int) -> None:
     assert tails.poisson(least, 3.3) == pytest.approx(stats.poisson.sf(least - 1, 3.3), rel=1e-11)
 
 
+@pytest.mark.wide
 def test_a_comparison_does_not_wait_for_scipy_stats(tmp_path: Path) -> None:
     """Its import takes longer than many a diagnosis."""
     simulate(tmp_path / "s", "paper", [], 1, scenarios=3, seconds=4.0)

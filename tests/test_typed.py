@@ -55,6 +55,7 @@ def test_out_may_be_an_option(session: str, tmp_path: Path, capsys: pytest.Captu
     assert "gyrocal plot --help" in capsys.readouterr().err
 
 
+@pytest.mark.wide
 def test_explain_and_add_keep_a_model_only_where_it_is_asked_for(
     session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

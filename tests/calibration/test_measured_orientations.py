@@ -43,6 +43,7 @@ def tracked(noise_deg: float, seed: int, *, bent: float = 0.0) -> Session:
     return make_session(make_run(t_s, gyro_dps, table_rate_dps=None, **columns))
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("noise_deg", "seed"), [pytest.param(0.02, 1, marks=pytest.mark.wide), (0.1, 2), (0.02, 13)])
 def test_the_noise_of_orientations_is_no_misfit_of_a_sound_session(noise_deg: float, seed: int) -> None:
     """The misfit held a smooth slope's noise against its small differences from sample to sample, and was 1.2 to 3.2.

@@ -90,6 +90,7 @@ def test_without_a_compiler_of_the_system_that_of_a_package_serves(
         library.compiler()
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_another_compiler_is_another_build(
     require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -105,6 +106,7 @@ def test_another_compiler_is_another_build(
     assert library.Core().exp(1.0) == np.float32(np.e)
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_processes_that_build_at_once_agree(cache: Path) -> None:
     flags = f"library.FLAGS = (*library.FLAGS, {NOT_OPTIMISED!r})"
@@ -115,6 +117,7 @@ def test_processes_that_build_at_once_agree(cache: Path) -> None:
     assert len(list(cache.iterdir())) == 1
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_the_simulated_device_is_an_executable_of_the_headers_given(tmp_path: Path) -> None:
     shipped = library.build_sim()

@@ -287,6 +287,7 @@ def test_without_the_package_the_advice_names_the_extra(monkeypatch: pytest.Monk
         find_port("auto", ports=list)
 
 
+@pytest.mark.wide
 def test_an_announced_device_is_found(
     board: SimulatedDevice, require_module: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -73,6 +73,7 @@ def test_noise_alone_leaves_the_floor_in_the_net_angles(seeds: int) -> None:
     assert np.all(floor < 2.5 * WHITE_DPS * np.sqrt(T_S.size) / 100)
 
 
+@pytest.mark.wide
 def test_a_leak_that_only_turns_show_is_judged_by_the_angle_it_leaves() -> None:
     leaking = session(1, leak=0.01)
     with warnings.catch_warnings():
@@ -142,6 +143,7 @@ def by_hand(seed: int, *, error_deg: float = 0.3, per_c: float = 0.0, last_dps: 
     return make_session(*runs)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seeds", [6, pytest.param(12, marks=pytest.mark.wide)])
 def test_the_stated_error_of_turns_is_in_the_floor_of_their_angles(seeds: int) -> None:
     """The floor was that of the white noise alone, and the excess of turns by hand up to 160 of its errors."""
@@ -163,6 +165,7 @@ def test_an_excess_of_the_angles_beyond_its_errors_is_a_misfit() -> None:
     assert found.angles.within["y"].chance < 1e-9
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seeds", [(7, 10, 22, 25, 26), pytest.param((4, 6, 15, 24, 27), marks=pytest.mark.wide)])
 def test_an_excess_of_few_turns_has_the_error_of_few_squares(seeds: tuple[int, ...]) -> None:
     """A sum of five squares exceeds three of its standard deviations once in fifty times: such turns were a misfit.

@@ -50,6 +50,7 @@ def yesterday(turn_on_dps: float | None = TURN_ON_DPS) -> Model:
     return Model("yesterday", terms, {"z": AxisNoise(turn_on_bias=TurnOnBias(turn_on_dps))})
 
 
+@pytest.mark.wide
 def test_a_session_of_the_model_s_own_parameters_is_adequate_and_its_floor_is_the_rms() -> None:
     found = [compare(today(seed), yesterday(), as_is=True) for seed in range(6)]
     assert [c.verdict for c in found] == ["adequate"] * 6

@@ -39,6 +39,7 @@ def chamber() -> Session:
     return ramped()
 
 
+@pytest.mark.wide
 def test_a_curve_and_a_hysteresis_that_hide_each_other_are_named_together(chamber: Session) -> None:
     found = diagnose(chamber)
     on_x = {c.effect.id: c for c in found.candidates if c.axis == "x" and c.decision == "add"}

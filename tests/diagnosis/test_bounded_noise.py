@@ -66,6 +66,7 @@ def test_an_effect_that_shows_as_an_excess_alone_does_not_stay_in_the_floor() ->
     assert found.likeliest.axes["z"].noise.ou_sd_dps > 10 * found.fit.axes["z"].noise.ou_sd_dps
 
 
+@pytest.mark.wide
 def test_what_a_candidate_removes_is_what_compare_shows() -> None:
     session, _ = CASES[1].session()
     found = diagnose(session, ON_Z)
@@ -91,6 +92,7 @@ def test_where_nothing_is_found_the_noise_is_the_likeliest() -> None:
     assert all(found.fit.axes[axis] is found.likeliest.axes[axis] for axis in found.fit.axes)
 
 
+@pytest.mark.wide
 def test_the_error_of_an_excess_counts_the_offsets_of_power_cycles() -> None:
     """An asymmetry over runs that each have an offset: its excess varies with the offsets from session to session."""
     found = []
@@ -135,6 +137,7 @@ def warming(a_dps: float, tau_s: float, seed: int) -> tuple[Session, Array]:
     return make_session(*runs), np.concatenate(left)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("a_dps", "tau_s"), [(0.03, 200.0), pytest.param(0.05, 100.0, marks=pytest.mark.wide)])
 def test_an_effect_that_its_name_alone_shows_does_not_stay_in_the_noise(a_dps: float, tau_s: float) -> None:
     """With two power cycles, a drift explains a warm-up as well. The excess was 0 ± 8 mdps beside a card that took 9 away."""

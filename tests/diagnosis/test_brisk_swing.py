@@ -34,6 +34,7 @@ def swings(lag_s: float) -> Session:
     return make_session(*runs)
 
 
+@pytest.mark.wide
 def test_a_lag_is_named_though_its_lines_in_the_spectrum_stand_out_more() -> None:
     found = diagnose(swings(LAG_S), ON_Z)
     assert found.verdict == "add"

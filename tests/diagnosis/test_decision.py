@@ -28,6 +28,7 @@ def test_a_size_is_physical_within_its_error(sign: float) -> None:
     assert not of(1.5, 0.1)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.wide)])
 def test_the_largest_physical_warm_up_is_named_whichever_way_noise_moves_its_estimate(seeds: int) -> None:
     """An estimate just above the limit had a drift named in its place."""

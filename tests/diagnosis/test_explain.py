@@ -74,6 +74,7 @@ def test_nothing_is_added_where_nothing_is() -> None:
     assert not [c for c in found.first.candidates if c.decision in ("add", "suggest")]
 
 
+@pytest.mark.wide
 def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
     found = explain(two_effects, ON_Z, most_steps=1)
     assert len(found.steps) == 1
@@ -90,6 +91,7 @@ def no_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gyrocal.diagnosis.answer.explain._removed_power", lambda before, after, axis: 0.0)
 
 
+@pytest.mark.wide
 def test_what_diagnose_is_sure_of_is_added_also_where_squares_do_not_show_it(two_effects: Session, no_fall: None) -> None:
     """A vibration of 0.5 mdps beside a floor of 49 was named by the one and refused by the other."""
     found = explain(two_effects, ON_Z)
@@ -108,6 +110,7 @@ def test_what_does_not_lower_the_error_and_is_not_sure_is_not_added_and_is_told(
     assert "does not lower the error of held-out data" in conclusion(found)
 
 
+@pytest.mark.wide
 def test_effects_of_one_shape_stay_open() -> None:
     """The temperature rises by the same line in every power cycle, so drift and temperature cannot be told apart."""
     rng = np.random.default_rng(5)
@@ -174,6 +177,7 @@ def test_a_set_that_predicts_significantly_better_is_chosen_whole() -> None:
     assert {e.id for e in chosen_of(large, small).certain} == {"warmup", "drift"}
 
 
+@pytest.mark.wide
 def test_an_effect_that_absorbed_a_part_of_a_later_one_is_taken_out_again(two_effects: Session, explained: Explanation) -> None:
     """A warm-up that was added before the spin-up stayed in the model, and so was a wrong name."""
     last = diagnose(two_effects, explained.model.add("warmup", "z"))
@@ -184,6 +188,7 @@ def test_an_effect_that_absorbed_a_part_of_a_later_one_is_taken_out_again(two_ef
     assert dropped == {("z", "warmup")}
 
 
+@pytest.mark.wide
 def test_the_command_writes_model_page_and_json(
     two_effects: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -246,6 +251,7 @@ def test_a_drift_is_not_named_for_what_settles_and_follows_the_temperature() -> 
     assert _sure(explain(_slow_and_warm(2, 0.003, 2.0), ON_Y)) <= {"warmup", "bias_temperature"}
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("seed", "white_dps", "rise_c"), [(2, 0.003, 8.0), pytest.param(3, 0.03, 2.0, marks=pytest.mark.wide)])
 def test_what_diagnose_is_sure_of_is_added(seed: int, white_dps: float, rise_c: float) -> None:
     """diagnose said "add bias_temperature", and explain that adding it does not lower the error of held-out data."""

@@ -49,6 +49,7 @@ def named(found: Diagnosis) -> list[tuple[str, str]]:
     return [(c.effect.id, c.axis) for c in found.candidates if c.decision == "add"]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("cycles", [3, *(pytest.param(cycles, marks=pytest.mark.wide) for cycles in (4, 5))])
 def test_offsets_that_happen_to_lie_along_the_temperature_are_no_effect(cycles: int, library: dict[str, Any]) -> None:
     """Chi-square for the likelihood ratio takes them for bias_temperature, and often.

@@ -58,6 +58,7 @@ PLANTED = {
 }  # fmt: skip
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("what", [pytest.param(what, marks=[pytest.mark.wide] * ("resonance" not in what)) for what in PLANTED])
 def test_the_error_falls_nearly_as_far_as_with_the_true_shape(what: str, library: dict[str, object]) -> None:
     del library["order_tone"]  # the library would name the gear
@@ -103,6 +104,7 @@ def test_the_library_s_terms_are_formulas(name: str, symbol: str) -> None:
         assert set(kind.variables) <= variable.symbols.keys()
 
 
+@pytest.mark.wide
 def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session, model = str(tmp_path / "s"), str(tmp_path / "m.toml")
     signal = PLANTED["a sawtooth in the table's angle"][0]
@@ -129,6 +131,7 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
         base.effects().pop("saw", None)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("row", [0, pytest.param(700, marks=pytest.mark.wide)])
 def test_one_reading_is_never_kept(row: int) -> None:
     """A single bad reading, first of a run or within it, is no shape of any variable."""

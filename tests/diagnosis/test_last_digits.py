@@ -79,6 +79,7 @@ def answer(asked: tuple[Session, Model | None]) -> dict[str, Any]:
         return told(*asked)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("change", CHANGES)
 def test_an_answer_does_not_hang_on_last_digits_or_order(
     asked: tuple[Session, Model | None], answer: dict[str, Any], change: Callable[[Session, Path], Session], tmp_path: Path,

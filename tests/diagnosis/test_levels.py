@@ -133,6 +133,7 @@ def test_before_and_after_share_the_richer_model_s_floor() -> None:
     assert moved.pooled.rms_dps == before.pooled.rms_dps
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     "effect", ["bias_temperature:k1_dps_per_c=0.0006", pytest.param("scale_asymmetry:k=0.00006", marks=pytest.mark.wide)]
 )

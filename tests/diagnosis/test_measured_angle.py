@@ -40,6 +40,7 @@ def session(seed: int, step_deg: float, cycles: int = 4, k1: float = 0.0) -> Ses
     return make_session(*(run(k) for k in range(cycles)))
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("step_deg", [pytest.param(0.05, marks=pytest.mark.wide), 0.2])
 def test_a_coarse_encoder_is_judged_by_the_angle_and_no_misfit(step_deg: float) -> None:
     told = compare(session(1, step_deg), ON_Z).to_json()
@@ -84,6 +85,7 @@ def test_residuals_hold_the_integrated_readings_against_the_encoder_s_angle() ->
     assert np.std(rows["measured_deg"].to_numpy() - rows["modelled_deg"].to_numpy()) < 0.3
 
 
+@pytest.mark.wide
 def test_an_effect_is_named_beside_coarse_steps() -> None:
     found = diagnose(session(3, 0.05, k1=0.05), ON_Z)
     assert found.best is not None

@@ -288,6 +288,7 @@ def test_a_wave_smaller_than_any_table_makes_is_suggested(amplitude: float, name
     assert ripple.decision == ("add" if named else "suggest")
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     "sizes_dps", [pytest.param(dict.fromkeys((1, 2, 3, 4), 0.02), marks=pytest.mark.wide), {1: 0.03, 5: 0.03}]
 )
@@ -296,6 +297,7 @@ def test_a_ripple_of_many_orders_is_named_also_beside_the_teeth_of_a_gear(sizes_
     assert "table_ripple" in [c.effect.id for c in found.candidates if c.named]
 
 
+@pytest.mark.wide
 def test_a_vibration_between_the_orders_is_named_beside_a_ripple() -> None:
     """Its frequency is no whole number per turn, also where the table turns at one rate only."""
     found = diagnose(turned(harmonics({1: 0.03, 7.4: 0.03})), ON_Z)

@@ -43,6 +43,7 @@ def full(*effects: str, seed: int = 3) -> Session:
     return simulate(None, "full", effects, seed, scenarios=2, seconds=15.0)[0]
 
 
+@pytest.mark.wide
 def test_a_wave_once_per_turn_across_the_table_is_told_by_its_angle() -> None:
     """It was told as 90.2 mdps between 0.25 and 0.41 Hz. Its size and its common phase are those of the residual."""
     waves = {"x": 0.0, "y": np.pi / 2}
@@ -60,6 +61,7 @@ def test_a_wave_once_per_turn_across_the_table_is_told_by_its_angle() -> None:
         assert abs(seen.sum()) > 0.9 * np.abs(seen).sum()
 
 
+@pytest.mark.wide
 def test_waves_that_begin_anywhere_are_of_another_phase() -> None:
     comparison = compare(paper("table_ripple"))
     first = comparison.where[0]
@@ -70,6 +72,7 @@ def test_waves_that_begin_anywhere_are_of_another_phase() -> None:
     assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
 
 
+@pytest.mark.wide
 def test_a_sawtooth_once_per_turn_is_told_per_turn_and_not_in_hertz() -> None:
     """Its fifth harmonic was called a vibration's tone of 1.08301 Hz, which is 5 times 78/360."""
     session = with_terms(paper(), lambda r: {"z": 0.06 * ((table_angle_rad(r) / (2 * np.pi)) % 1.0 - 0.5)})
@@ -94,6 +97,7 @@ def test_an_order_tone_is_named_at_several_rates(order: float) -> None:
     assert after.per_axis["z"].excess_dps < 0.7 * before.per_axis["z"].excess_dps
 
 
+@pytest.mark.wide
 def test_at_one_rate_an_order_and_a_vibration_are_one_group() -> None:
     found = diagnose(paper("order_tone:order=5,A_dps=0.05"), ON_Z)
     assert found.best is not None
@@ -101,6 +105,7 @@ def test_at_one_rate_an_order_and_a_vibration_are_one_group() -> None:
     assert set(found.best.group) == {"order_tone", "vibration_tone"}
 
 
+@pytest.mark.wide
 def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
     """A ripple of the speed grows with the rate, a tone of the angle does not."""
     for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
@@ -108,6 +113,7 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
         assert named == {effect_id}
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seed", [3, pytest.param(5, marks=pytest.mark.wide)])
 def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: int) -> None:
     """A second line that noise explains had the tone judged on single samples, where nothing else can be compared with it."""
@@ -118,6 +124,7 @@ def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: 
     assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]
 
 
+@pytest.mark.wide
 def test_at_one_rate_a_tone_too_small_for_a_ripple_of_any_table_is_told_with_it() -> None:
     """The ripple of the same shape is simpler, and was left as the only one although no table's is as small."""
     found = diagnose(simulate(None, "paper", ["order_tone:order=2,A_dps=0.003"], 3, scenarios=6, seconds=60.0)[0], ON_Z)
@@ -126,6 +133,7 @@ def test_at_one_rate_a_tone_too_small_for_a_ripple_of_any_table_is_told_with_it(
     assert set(found.best.group) >= {"order_tone", "table_ripple"}
 
 
+@pytest.mark.wide
 def test_runs_of_less_than_two_turns_tell_an_order_from_a_frequency() -> None:
     """Only the runs at 150 deg/s make two turns in 8 s, so that the spectrum over turns is of one rate."""
     session = simulate(None, "full", ["order_tone:order=4.25,A_dps=0.03"], 3, scenarios=2, seconds=8.0)[0]
@@ -135,6 +143,7 @@ def test_runs_of_less_than_two_turns_tell_an_order_from_a_frequency() -> None:
     assert best.values["order"] == pytest.approx(4.25, abs=0.01)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("order", [1.0, pytest.param(7.0, marks=pytest.mark.wide)])
 def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns(order: float) -> None:
     """Turns by hand at a known angle sweep about a turn, over which there is no spectrum."""
@@ -169,6 +178,7 @@ def test_slow_errors_hide_no_wave_of_the_table() -> None:
     assert spectrum_over_turns([run], 2).peaks(1)[0].order == pytest.approx(4.25, abs=0.1)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("line_hz", "meets_it"), [(11.0, True), (2.0, False)])
 def test_a_line_beyond_the_order_at_the_fastest_turn_is_another_cause(line_hz: float, meets_it: bool) -> None:
     """Order 5 at 150 deg/s is 2.1 Hz. A strong line of 11 Hz, as the host's polling makes of a vibration, is not its part."""
@@ -190,6 +200,7 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table() -
     assert set(best.group) == {"order_tone", "vibration_tone"}
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("size_dps", "latitude_deg", "named"),
     [(0.004, None, False), *(pytest.param(*of, True, marks=pytest.mark.wide) for of in ((0.004, 75.0), (0.012, None)))],
@@ -221,6 +232,7 @@ def tilted(size_g: float = 0.0126, seconds: float = 60.0) -> Session:
     return session.with_runs(map(run_of, session.runs))
 
 
+@pytest.mark.wide
 def test_gravity_in_the_plane_of_a_tilted_table_is_no_tone() -> None:
     """Only the component along the table's axis was tried, and the rest of the same effect was named a tone of order 1."""
     sizes = {"gx_dps_per_g": 0.11, "gy_dps_per_g": -0.2, "gz_dps_per_g": -0.065}
@@ -232,6 +244,7 @@ def test_gravity_in_the_plane_of_a_tilted_table_is_no_tone() -> None:
         assert named["g_sensitivity"].values[name] == pytest.approx(size, abs=4 * named["g_sensitivity"].se[name])
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("known", [pytest.param(True, marks=pytest.mark.wide), False])
 def test_the_earth_s_rate_across_a_tilted_table_is_no_sensitivity_to_gravity(known: bool) -> None:
     """Both are waves once per turn, 40 degrees apart. Two components of gravity together have any phase."""
@@ -245,6 +258,7 @@ def test_the_earth_s_rate_across_a_tilted_table_is_no_sensitivity_to_gravity(kno
     assert not [c for c in diagnose(session, ON_X).candidates if c.decision == "add"]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("aligned", [True, False])
 def test_a_wide_pulse_once_a_turn_is_no_ripple(aligned: bool) -> None:
     """Its orders fall like those of a ripple, but all have their crests at one angle, as of a magnet beside the table."""
@@ -262,6 +276,7 @@ def test_a_wide_pulse_once_a_turn_is_no_ripple(aligned: bool) -> None:
     assert found.comparison.where
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("spec", "named"),
     [("order_tone:order=3,A_dps=0.03", "order_tone"), pytest.param("table_ripple", "table_ripple", marks=pytest.mark.wide)],

@@ -26,17 +26,16 @@ def session_of(campaign: str, *effects: str, seed: int = 3) -> Session:
     return simulate(None, campaign, effects, seed, scenarios=scenarios, seconds=seconds)[0]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("campaign", "spec", "name", "value"),
     [
-        pytest.param("shaker", "g2_sensitivity:k_dps_per_g2=0.01", "k_dps_per_g2", 0.01, marks=pytest.mark.wide),
-        pytest.param(
-            "shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03, marks=pytest.mark.wide
-        ),
-        pytest.param("swing", "dead_band:width_dps=0.5", "width_dps", 0.5, marks=pytest.mark.wide),
+        ("shaker", "g2_sensitivity:k_dps_per_g2=0.01", "k_dps_per_g2", 0.01),
+        ("shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03),
+        ("swing", "dead_band:width_dps=0.5", "width_dps", 0.5),
         ("chamber", "thermal_hysteresis:amplitude_dps=-0.05,width_c=10", "amplitude_dps", -0.05),
         ("swing", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
-        pytest.param("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12, marks=pytest.mark.wide),
+        ("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
     ],
 )
 def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, name: str, value: float) -> None:
@@ -50,6 +49,7 @@ def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, 
     assert after.per_axis[axis].excess_dps < 0.5 * before.per_axis[axis].excess_dps
 
 
+@pytest.mark.wide
 def test_single_readings_that_lack_a_carry_are_no_jumps() -> None:
     found = diagnose(session_of("swing", "byte_fault:bit=7,step_dps=-1.12,fraction=0.02"), ON_Z)
     assert found.best is not None
@@ -102,6 +102,7 @@ def turned_by_hand(leak: float) -> Session:
     return make_session(*runs)
 
 
+@pytest.mark.wide
 def test_turns_of_known_angle_show_misalignment_and_no_transient() -> None:
     found = diagnose(turned_by_hand(0.01), ON_Z)
     assert found.best is not None

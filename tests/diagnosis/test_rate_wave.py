@@ -52,6 +52,7 @@ def seven_rates(rng: np.random.Generator) -> Array:
     return np.repeat(level, -(-T_S.size // 12))[: T_S.size] * (1 + 1e-3 * rng.standard_normal())
 
 
+@pytest.mark.wide
 def test_no_wave_is_told_between_rates_that_nobody_measured() -> None:
     """A cubic at seven rates was also told as a wave over the rate with a period of 46.7 deg/s."""
     found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed=5), ON_Z)
@@ -61,6 +62,7 @@ def test_no_wave_is_told_between_rates_that_nobody_measured() -> None:
     assert "scale_nonlinearity" in (found.best.effect.id, *found.best.group)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("motion", "period_dps"), [(by_hand, 28.0), (staircase, 44.0)])
 def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator], Array], period_dps: float) -> None:
     """It was named an asymmetry of the scale, or a tone that the steps of a staircase resemble."""
@@ -76,6 +78,7 @@ def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator],
     assert said_dps == pytest.approx(float(np.std(drawn)), rel=0.2)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("effect_id", "error_dps"),
     [

@@ -107,6 +107,7 @@ def test_a_reading_that_dwells_everywhere_is_not_clipped() -> None:
     assert all(effect("saturation").fault.detect([run], axis) is None for axis in range(3))
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("step_dps", [pytest.param(0.05, marks=pytest.mark.wide), 0.1])
 def test_a_log_with_few_decimals_is_named_quantization(step_dps: float) -> None:
     """Steps that are no whole number of counts were told as a bit of the reading, and named by nothing."""

@@ -34,7 +34,7 @@ def swings(repeated: float, lag_s: float = 0.0) -> Session:
     ("repeated", "lag_s"),
     [
         (0.3, 0.0),
-        (0.1, 0.012),
+        pytest.param(0.1, 0.012, marks=pytest.mark.wide),
         pytest.param(0.1, 0.0, marks=pytest.mark.wide),
         pytest.param(0.3, 0.012, marks=pytest.mark.wide),
     ],

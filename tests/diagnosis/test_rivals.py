@@ -101,6 +101,7 @@ def warming(course_c: np.ndarray) -> Candidate:
     return diagnose(make_session(*runs)).candidates[0]
 
 
+@pytest.mark.wide
 def test_a_temperature_that_moves_too_little_to_be_measured_is_a_rival_all_the_same() -> None:
     """A drift was named with certainty beside a temperature of the same course, whose effect could not be measured."""
     t_s = np.arange(40 * 50) / 50

@@ -42,6 +42,7 @@ def test_rounding_is_no_misfit() -> None:
     assert compare(staircase()).verdict == "adequate"
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("apart_dps", "seed"), [(0.012, 20), *(pytest.param(*of, marks=pytest.mark.wide) for of in ((0.02, 21), (0.03, 22)))]
 )
@@ -50,17 +51,20 @@ def test_the_level_of_each_power_cycle_is_rounded(apart_dps: float, seed: int) -
     assert compare(staircase(sd_dps=0.024, apart_dps=apart_dps, seed=seed), ON_Z).verdict == "adequate"
 
 
+@pytest.mark.wide
 def test_a_harmonic_that_cannot_be_seen_does_not_bring_rounding_back() -> None:
     """The second harmonic, of 0.1 mdps, had an error of 1.1 mdps, and the first one, of 7 mdps, was reported."""
     assert compare(staircase(apart_dps=0.0, seed=2), ON_Z).verdict == "adequate"
 
 
+@pytest.mark.wide
 def test_a_larger_effect_is_found_beside_rounding() -> None:
     found = compare(staircase(k=0.001))
     assert found.verdict == "misfit"
     assert {f.axis for f in found.where} == {"z"}
 
 
+@pytest.mark.wide
 def test_a_grid_that_is_coarser_than_the_stated_count_makes_no_jumps() -> None:
     """A steady rate's error of rounding changes with each step of the table."""
     made = staircase(sd_dps=0.017)
@@ -85,12 +89,14 @@ def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:
     return make_session(*runs, lsb_dps=COUNT_DPS)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("sd_counts", [0.1, *(pytest.param(of, marks=pytest.mark.wide) for of in (0.2, 0.3))])
 def test_readings_that_stand_at_one_count_are_no_quieter_noise(sd_counts: float) -> None:
     found = compare(power_cycles(sd_counts, 0), ON_Z)
     assert found.verdict == "adequate", found.where
 
 
+@pytest.mark.wide
 def test_a_ripple_is_found_in_readings_that_stand_at_one_count() -> None:
     found = compare(power_cycles(0.2, 0, wave=0.002))
     assert found.verdict == "misfit"

@@ -53,6 +53,7 @@ def misnamed(found: Diagnosis) -> set[str]:
     return OF_ANOTHER_CAUSE & set(named(found))
 
 
+@pytest.mark.wide
 def test_a_scale_that_creeps_under_a_measured_rate_is_no_spin_up() -> None:
     """The reference holds the table's own transient. It was named with a time constant at its bound."""
     rng = np.random.default_rng(41)
@@ -72,6 +73,7 @@ def test_a_scale_that_creeps_under_a_measured_rate_is_no_spin_up() -> None:
     assert "of the rate" in first.note
 
 
+@pytest.mark.wide
 def test_a_scale_that_settles_after_power_on_is_neither_spin_up_nor_warmup() -> None:
     """A table spins up in each run, and a bias that settles does so at rest too."""
     session = stated(lambda t, p, w: 2e-3 * w * np.exp(-p / 100.0), 43)
@@ -96,6 +98,7 @@ def test_a_table_that_spins_up_keeps_its_name(tau_s: float, seconds: float) -> N
     assert found.best.values["tau_s"] == pytest.approx(tau_s, rel=0.1)
 
 
+@pytest.mark.wide
 def test_a_bias_that_settles_keeps_its_name_beside_rests() -> None:
     found = diagnose(stated(lambda t, p, w: 0.15 * np.exp(-p / 25.0), 47), ON_Z)
     assert (found.verdict, named(found)) == ("add", ["warmup"])
@@ -117,6 +120,7 @@ def chamber(seed: int, rates: tuple[float, ...], *, bias: float, table: float = 
     return make_session(*runs)
 
 
+@pytest.mark.wide
 def test_what_follows_the_measured_temperature_is_no_spin_up() -> None:
     """The sizes of a spin-up, which are free in each run, took up the bias too, and the scale over temperature was lost."""
     ended = explain(chamber(51, (-80.0, 80.0), bias=0.01), ON_Z)
@@ -129,11 +133,13 @@ def test_what_follows_the_measured_temperature_is_no_spin_up() -> None:
     assert term.values["k_per_c"] == pytest.approx(3e-4, rel=0.02)
 
 
+@pytest.mark.wide
 def test_a_table_that_spins_up_is_named_beside_the_temperature() -> None:
     ended = explain(chamber(53, (-80.0, 80.0), bias=0.0, table=0.006), ON_Z)
     assert {"scale_temperature", "spin_up"} <= set(ended.model.ids)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("rates", "seed"), [pytest.param((-78.0, 78.0), 61, marks=pytest.mark.wide), ((-120.0, -60.0, 0.0, 60.0, 120.0), 62)]
 )

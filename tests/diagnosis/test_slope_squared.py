@@ -36,6 +36,7 @@ def test_the_square_of_the_slope_is_not_that_of_the_rate(seed: int, of_slope: fl
     assert not {"centripetal", "scale_asymmetry"} & set(named(session(seed, of_slope)))
 
 
+@pytest.mark.wide
 def test_a_square_of_the_rate_and_an_asymmetry_keep_their_names() -> None:
     assert named(session(9603, of_square=1e-5)) == ["centripetal"]
     assert named(session(9604, of_size=1e-3)) == ["scale_asymmetry"]

@@ -63,6 +63,7 @@ def candidate(found, effect_id):
     return next(c for c in found.candidates if c.effect.id == effect_id and c.axis == "z")
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("noise_c", "count_c", "held"),
     [(0.03, 0.125, 100), *(pytest.param(*of, marks=pytest.mark.wide) for of in ((0.03, 0.0, 1), (0.1, 0.0, 10)))],
@@ -75,6 +76,7 @@ def test_a_one_way_ramp_stays_ambiguous_with_a_noisy_thermometer(noise_c, count_
     assert abs(temperature.values["k1_dps_per_c"] - K1) < 3 * temperature.se["k1_dps_per_c"]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("mean_c", [70.0, pytest.param(-20.0, marks=pytest.mark.wide)])
 def test_a_chamber_at_any_temperature_shows_the_same(mean_c):
     found = diagnose(thermal(0, chamber, mean_c), ON_Z)
@@ -88,6 +90,7 @@ def swinging(p_s, t_s, cycle, face, mean_c):
     return mean_c + 1.5 * np.sin(2 * np.pi * (cycle / 4 + face / 8 + t_s / 40))
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.wide)])
 def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_a_line_over_temperature(seed):
     """Its play operator hardly moves, and bias_temperature and thermal_hysteresis were named as a group."""
@@ -98,6 +101,7 @@ def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_
     assert candidate(found, "thermal_hysteresis").log_odds < 0
 
 
+@pytest.mark.wide
 def test_a_hysteresis_is_named_where_the_way_back_is_shorter_than_its_width():
     """One branch and the way between them show it. A line over temperature was named with certainty, for want of the other."""
     rng, t_s, made = np.random.default_rng(2), np.arange(3000) / 25.0, []
@@ -138,6 +142,7 @@ def test_the_bias_of_a_hot_session_is_stated_at_25_degrees_with_its_error():
     assert np.sqrt(np.mean(np.square(z))) < 2
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("lacking", [pytest.param((2, 5), marks=pytest.mark.wide), (0, 1, 7)])
 def test_runs_without_a_thermometer_leave_the_effect_to_the_others(lacking):
     found = diagnose(thermal(3, chamber, 45.0, k1=0.03, lacking=lacking), ON_Z)
@@ -164,6 +169,7 @@ def test_a_model_with_temperature_gives_runs_without_it_a_bias_of_their_own():
     assert hot.values["k1_dps_per_c"] == pytest.approx(cool.values["k1_dps_per_c"], abs=0.2 * cool.se["k1_dps_per_c"])
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("seed", "lacking"), [pytest.param(0, (), marks=pytest.mark.wide), (1, (2, 3))])
 def test_without_an_effect_none_is_named(seed, lacking):
     for climate, mean_c in ((one_way, 45.0), (chamber, 25.0)):

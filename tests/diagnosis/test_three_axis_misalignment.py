@@ -1,6 +1,7 @@
 """Misalignment against a reference with three axes, where any rotation belongs to the alignment."""
 
 import numpy as np
+import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.recording.header import Reference
@@ -9,6 +10,7 @@ from make_runs import make_run, make_session
 LEAK = 0.004
 
 
+@pytest.mark.wide
 def test_the_candidates_of_a_symmetric_misalignment_are_symmetric() -> None:
     """Each was fitted at the alignment without misalignment, and the two of a pair differed by eighteen of their errors."""
     rng, t_s = np.random.default_rng(8), np.arange(6000) / 100

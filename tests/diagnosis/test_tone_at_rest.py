@@ -32,6 +32,7 @@ def named(diagnosed: Session, model: Model = ON_Z) -> list[str]:
     return [c.effect.id for c in diagnose(diagnosed, model).candidates if c.decision == "add"]
 
 
+@pytest.mark.wide
 def test_its_value_at_rest_is_no_even_error_of_the_rate() -> None:
     of = session(9701)
     assert named(of) == ["order_tone"]
@@ -39,6 +40,7 @@ def test_its_value_at_rest_is_no_even_error_of_the_rate() -> None:
     assert not {"scale_asymmetry", "centripetal"} & set(named(of, model))
 
 
+@pytest.mark.wide
 def test_an_asymmetry_that_the_speeds_show_is_named_beside_it() -> None:
     of = session(9703, asymmetry=2e-3)
     model = add_measured(of, ON_Z, "order_tone").model

@@ -29,7 +29,12 @@ def session(in_sensor: float, in_reference: float) -> Session:
 
 
 @pytest.mark.parametrize(
-    ("in_sensor", "in_reference", "named"), [(TONE_DPS, 0.0, True), (0.0, TONE_DPS, False), (TONE_DPS, 2 * TONE_DPS, False)]
+    ("in_sensor", "in_reference", "named"),
+    [
+        (TONE_DPS, 0.0, True),
+        pytest.param(0.0, TONE_DPS, False, marks=pytest.mark.wide),
+        pytest.param(TONE_DPS, 2 * TONE_DPS, False, marks=pytest.mark.wide),
+    ],
 )
 def test_a_tone_is_named_where_the_sensor_alone_has_it(in_sensor: float, in_reference: float, named: bool) -> None:
     sure = {c.effect.id for c in diagnose(session(in_sensor, in_reference), ON_Z).candidates if c.decision == "add"}
@@ -51,6 +56,7 @@ def test_a_motion_that_is_large_is_not_taken_for_the_wave() -> None:
     assert (found.effect.id, found.axis) == ("table_ripple", "z")
 
 
+@pytest.mark.wide
 def test_the_beat_of_an_encoder_is_found_beneath_a_motion_a_thousand_times_as_large() -> None:
     """At 150 deg/s and 104 Hz, steps of 0.01 deg make a line of 0.2 deg/s at 24 Hz in the rate between two angles."""
     rng, runs = np.random.default_rng(8), []

@@ -43,6 +43,7 @@ def session(level: Level, seed: int, error: Callable[[Array], Array] = np.zeros_
     return make_session(*runs)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("level", "seeds"), [(bursts, 2), *(pytest.param(level, 4, marks=pytest.mark.wide) for level in (steps, bursts))]
 )
@@ -61,6 +62,7 @@ def test_the_floor_is_the_rms_where_the_level_of_the_noise_changes(level: Level,
     assert sure == ["adequate"] * seeds
 
 
+@pytest.mark.wide
 def test_a_slow_error_beside_noise_that_comes_and_goes_is_no_noise() -> None:
     """The floor takes the scatter within blocks and second differences of block means, in which it has no part."""
     planted = session(bursts, 3, lambda t_s: 0.05 * np.exp(-t_s / 6.0))
@@ -74,7 +76,7 @@ def test_a_slow_error_beside_noise_that_comes_and_goes_is_no_noise() -> None:
     assert diagnose(planted, ON_Z).verdict != "adequate"
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, pytest.param(3, marks=pytest.mark.wide)])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.wide) for seed in (1, 2, 3))])
 def test_noise_that_grows_with_the_rate_is_adequate_where_each_block_is_one_sample(seed: int) -> None:
     """Rests were taken for five times as noisy as they are, which made turns an excess of 40 to 90 errors on all axes."""
     rng, runs, t_s = np.random.default_rng([8, seed]), [], np.arange(317) / 10.0

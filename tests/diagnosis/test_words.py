@@ -396,6 +396,7 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     assert number(first.note, rf"mostly {NUMBER}% of the rate") == pytest.approx(100 * (of_rate - whole), rel=WITHIN)
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("seed", [31, pytest.param(32, marks=pytest.mark.wide)])
 def test_a_ramp_of_the_temperature_in_each_run_is_no_start_up_transient(seed: int) -> None:
     """It was told as a transient of 11 mdps of another size in each run, before or without 139 mdps against the temperature."""

@@ -182,6 +182,7 @@ def test_every_effect_of_the_blind_benchmark_is_planted() -> None:
     assert set(LIMITS) <= set(TYPICAL)
 
 
+@pytest.mark.wide
 def test_sets_and_confounded_cases_are_what_their_kind_says() -> None:
     several = drawn.truth(Draw("work", "sets", 1).case())
     assert len(several["effects"]) == 3
@@ -206,7 +207,7 @@ def test_the_session_format_reads_every_recording(seed: int, tmp_path: Path) -> 
     assert session.runs[0].axis == AXES[made.runs[0].axis]
 
 
-@pytest.mark.parametrize("reference", ["stated", "rate"])
+@pytest.mark.parametrize("reference", [pytest.param("stated", marks=pytest.mark.wide), "rate"])
 def test_noise_is_of_unit_size_in_the_metric(reference: str) -> None:
     random = np.random.default_rng(11)
     ratios = []

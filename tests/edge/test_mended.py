@@ -20,6 +20,7 @@ FURTHER = [
 ]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("tree", "kind", "number", "wrong"),
     [

@@ -119,6 +119,7 @@ def test_two_files_are_compared_case_by_case() -> None:
     assert edge_table.compared([_row("a", "lag", [])], ROWS)["cases"] == 0
 
 
+@pytest.mark.wide
 def test_cases_are_run_once_and_resumed(tmp_path: Path) -> None:
     out = tmp_path / "edge.jsonl"
     found = benchmark.benchmark("edge", quiet=True, kinds=["null"], stop=1, workers=1, out=out)

@@ -80,6 +80,7 @@ def test_rounding_is_no_other_fault_of_the_reading(make_run: MakeRun, step_dps: 
         assert single_power(runs, 2) is None
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 @pytest.mark.parametrize(("count_dps", "named"), [(0.5, True), pytest.param(0.2, True, marks=pytest.mark.wide), (0.04, False)])
 def test_a_step_that_hides_the_noise_is_named_without_a_stated_count(count_dps: float, named: bool) -> None:

@@ -103,6 +103,7 @@ int main(int argc, char **argv) {
     assert cpus.run(cpu, cpus.build(cpu, [source], tmp_path / "default.elf")) == (b"1" if has_no_fpu(cpu) else b"0")
 
 
+@pytest.mark.wide
 def test_a_fused_multiply_add_would_be_seen(require_tool: Require, tmp_path: Path) -> None:
     """It changes last bits, which is why the core is compiled without."""
     cpu = next(c for c in cpus.CPUS if c.name == "cortex-m4f")
@@ -132,6 +133,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.wide
 @CPU
 def test_a_whole_calibration_says_the_same_words(
     cpu: cpus.Cpu, require_tool: Require, headers: Path, rows: Path, tmp_path: Path

@@ -103,6 +103,7 @@ def test_a_formula_is_found_added_and_kept(session: Session, tmp_path: Path) -> 
     assert diagnose(planted, again).verdict == "adequate"
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_a_nonlinear_parameter_is_refined(session: Session) -> None:
     planted = with_signal(session, lambda r: 0.05 * np.exp(-(r.t_s - r.t_s[0]) / 3.0))
@@ -126,6 +127,7 @@ class Wobble(Effect):
 """
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_path: Path) -> None:
     (tmp_path / "own_wobble.py").write_text(OWN)

@@ -13,6 +13,7 @@ from gyrocal.simulation.simulate import simulate
 from known import ON_Y
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_an_offset_with_the_sign_of_the_direction_that_settles_is_no_misalignment() -> None:
     """The most probable set was misalignment, whose rate has the same sign, for want of such a rest."""

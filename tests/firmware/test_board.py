@@ -10,6 +10,7 @@ from gyrocal.device.wire import raw_table
 from .conftest import CHIPS, DOWN, UP, WIRED, Play, pair, sentences, turn, values
 
 
+@pytest.mark.wide
 def test_four_sensors_on_two_buses_calibrate_each_for_itself(play: Play, tmp_path: Path) -> None:
     flash = tmp_path / "flash"
     text = play([*pair(), "0.8 > stream raw"], 16, flash)
@@ -53,6 +54,7 @@ def test_with_a_sensor_missing_the_others_keep_what_is_theirs(play: Play, tmp_pa
     assert np.mean(rates) == pytest.approx(78.0, abs=0.05)
 
 
+@pytest.mark.wide
 def test_the_interrupt_line_belongs_to_its_sensor(play: Play) -> None:
     """The pin is wired to the first sensor; the second, alone, is asked as if there were no pin."""
     text = play(["0 chip 1", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw"], 4, None, WIRED)

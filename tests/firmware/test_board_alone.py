@@ -10,7 +10,7 @@ HELD_BYTES = 16384 + 4096
 """Of output.cpp and its driver."""
 
 
-@pytest.mark.parametrize(("off_s", "on_s"), [(0.0, 10.0), (0.0, 2.0), (3.0, 12.0)])
+@pytest.mark.parametrize(("off_s", "on_s"), [pytest.param(0.0, 10.0, marks=pytest.mark.wide), (0.0, 2.0), (3.0, 12.0)])
 def test_with_nobody_at_the_connector_nothing_but_sentences_is_lost(
     play: Play, tmp_path: Path, off_s: float, on_s: float
 ) -> None:

@@ -118,6 +118,7 @@ def test_readings_only(sketch: Sketch) -> None:
     assert "the sensor is not set up yet" in text
 
 
+@pytest.mark.wide
 def test_cmake_builds_the_target_without_a_warning(
     library: Path, require_tool: Callable[[str], str], tmp_path: Path
 ) -> None:

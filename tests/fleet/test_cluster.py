@@ -86,6 +86,7 @@ def test_a_killed_worker_costs_only_its_unfinished_tasks(
     assert {k: v for k, v in there.items() if k != "sessions_per_s"} == {k: v for k, v in here.items() if k != "sessions_per_s"}
 
 
+@pytest.mark.wide
 def test_a_worker_keeps_no_history_of_what_it_did(require_module: Callable[[str], None]) -> None:
     require_module("distributed")
     with engine(1) as cluster:
@@ -116,6 +117,7 @@ class Cluster:
             process.wait()
 
 
+@pytest.mark.wide
 def test_a_scheduler_that_restarts_costs_only_unfinished_tasks(require_module: Callable[[str], None]) -> None:
     require_module("distributed")
     with socket.socket() as free:

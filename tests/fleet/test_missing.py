@@ -24,6 +24,7 @@ def evidence(boards: int, sizes: np.ndarray, seed: int, rigs: int = 1, offsets: 
     return Evidence("z", NAMES, score, information, np.arange(boards), rig, rigs if rigs > 1 else 0)
 
 
+@pytest.mark.wide
 def test_a_tenth_of_one_boards_threshold_is_named_from_some_hundreds_of_boards() -> None:
     named = [find([evidence(400, np.full(400, ALONE / 10), seed)]) for seed in range(10)]
     assert [[m.effect for m in found] for found in named] == [["centripetal"]] * 10
@@ -49,6 +50,7 @@ def test_a_share_of_the_boards_may_have_it() -> None:
     assert 0.05 < found[0].share < 0.25
 
 
+@pytest.mark.wide
 def test_fleets_without_an_effect_raise_no_alarm() -> None:
     alarms = sum(bool(find([evidence(200, np.zeros(200), seed)])) for seed in range(60))
     assert alarms <= 4  # more has a probability of 1 % where the rate is 2 %

@@ -22,7 +22,7 @@ def objects(clang: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", fuzzing.TARGETS)
+@pytest.mark.parametrize("target", [pytest.param(t, marks=[pytest.mark.wide] * (t == "bus")) for t in fuzzing.TARGETS])
 def test_nothing_is_found(clang: str, objects: Path, target: str, tmp_path: Path) -> None:
     done = fuzzing.fuzz(fuzzing.link(clang, objects, target), SECONDS, tmp_path, seed=1)
     assert done.found is None, done.found

@@ -55,6 +55,7 @@ def test_a_turn_about_an_axis_that_is_missing_comes_next(turns: str, missing: st
     assert f"turn it about {now.turn.axis}" in str(now.turn)
 
 
+@pytest.mark.wide
 def test_the_next_turn_lowers_the_errors_more_than_any_other() -> None:
     """Each turn is recorded, from its pose, and the errors of the fit to all movements are compared."""
     start = [*ABOUT["z"], *ABOUT["y"]]

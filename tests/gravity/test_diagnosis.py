@@ -115,6 +115,7 @@ def test_a_missing_effect_is_told_with_all_of_its_axes(tmp_path: Path, capsys: p
     assert f"Missing: misalignment of the axes on {', '.join(sorted(named))}." in capsys.readouterr().out
 
 
+@pytest.mark.wide
 def test_explain_says_which_model_it_wrote_where_nothing_was_to_be_added(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

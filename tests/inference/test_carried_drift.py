@@ -38,6 +38,7 @@ def session(seed: int, goes_on: bool, sd_dps: float = 0.01, white_dps: float = 0
     return make_session(*runs)
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 @pytest.mark.parametrize(("goes_on", "seeds"), [(True, 16), pytest.param(True, 40, marks=pytest.mark.wide), (False, 40)])
 def test_the_error_of_a_slow_effect_is_its_scatter(goes_on: bool, seeds: int) -> None:

@@ -21,6 +21,7 @@ def coverage() -> Any:
     return benchmark._module("coverage")
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("effect_id", "size", "names"),
     [
@@ -48,6 +49,7 @@ def test_a_likelihood_with_steps_is_searched_to_its_highest_one(coverage: Any) -
     assert abs(coverage._z(*found["width_dps"])) < 12**0.5 / 2 + 1e-6  # the truth is between the nearest samples
 
 
+@pytest.mark.wide
 def test_samples_that_are_equal_by_chance_are_not_counted_as_repeated(coverage: Any) -> None:
     """With noise of five counts, six neighbours of 35 000 are equal by chance: half an error of the smallest fraction."""
     z = [coverage._z(*coverage.one_fit("sampling_fault", "third", seed)["fraction"]) for seed in range(2000, 2016)]

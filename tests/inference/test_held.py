@@ -32,6 +32,7 @@ def test_a_held_time_constant_stays_and_sharpens_the_amplitude(tmp_path: Path) -
     assert freed.value("warmup", "z", "tau_s") == pytest.approx(free_line.values["tau_s"], rel=0.02)
 
 
+@pytest.mark.wide
 def test_a_held_coefficient_is_subtracted_and_at_zero_is_as_if_it_were_not_there() -> None:
     session, _ = simulate(None, "full", ["scale_nonlinearity:k3=3e-8"], 1, scenarios=1, seconds=8.0)
     with_it = measure(session, ON_Z.add("scale_nonlinearity", "z")).fit.model

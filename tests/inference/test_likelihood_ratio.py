@@ -44,10 +44,12 @@ def with_and_without_drift(
     return poorer, richer
 
 
+@pytest.mark.wide
 def test_flicker_noise_is_hardly_ever_a_line_in_time() -> None:
     assert min(likelihood_ratio(*with_and_without_drift(seed), 1)[1] for seed in range(10)) > 1e-3
 
 
+@pytest.mark.wide
 def test_strong_flicker_noise_is_no_line_in_time_where_one_correlation_time_does_not_explain_it() -> None:
     fits = [with_and_without_drift(seed, seconds=3000.0, flicker_dps=0.015) for seed in range(4)]
     assert np.count_nonzero(np.array([_ratio(*fit, 1)[1] for fit in fits]) < 1e-3) >= 2

@@ -60,6 +60,7 @@ def test_registration_scale_and_misalignment_are_scipys() -> None:
         assert found.model.value("misalignment", a, f"m_{b}") == found.model.value("misalignment", b, f"m_{a}")
 
 
+@pytest.mark.wide
 def test_errors_of_planted_registrations_are_as_large_as_stated() -> None:
     (line,) = benchmark("references", quiet=True, kinds=["rates"], limit=4, seed=900)["rows"]
     assert set(line["parameters"]) == {"offset_s", "e", "rx_deg", "ry_deg", "rz_deg", "scale", "misalignment"}
@@ -89,6 +90,7 @@ def test_the_clock_of_a_reference_about_one_axis_has_its_error_without_a_warning
     assert abs(e) < 4 * e_se < 1e-4
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("drift", "seconds"), [(-8e-5, 12.0), (2e-3, 25.0), *(pytest.param(e, 25.0, marks=pytest.mark.wide) for e in (0.0, 2e-5))]
 )

@@ -29,6 +29,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Comparison,
     return session, compare(session, ON_Z.add("table_ripple").add("spin_up")), transients
 
 
+@pytest.mark.wide
 def test_each_run_is_given_its_own_time_constant(told: tuple[Session, Comparison, list[dict[str, float]]]) -> None:
     _, comparison, planted = told
     term = comparison.fit.model.term("spin_up", "z")

@@ -187,6 +187,7 @@ def test_a_search_for_a_delay_stays_within_the_reference(tmp_path: Path) -> None
     assert late.design.n_blocks.sum() > current.design.n_blocks.sum() / 4
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("e", [5e-5, pytest.param(-5e-4, marks=pytest.mark.wide)])
 def test_a_delay_and_a_clock_that_cancel_within_the_runs_are_named_together(e: float) -> None:
     """Alone, the clock's error would be found a quarter of its size and hundreds of errors off, and the delay not at all."""

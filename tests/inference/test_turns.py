@@ -46,6 +46,7 @@ def test_the_scale_is_found_from_angles_alone(by_hand: Session) -> None:
     assert abs(scale.values["scale"] - SCALE) < 4 * scale.se["scale"] < 4e-4
 
 
+@pytest.mark.wide
 def test_nothing_is_missing_and_what_cannot_be_measured_says_why(by_hand: Session) -> None:
     found = diagnose(by_hand)
     assert found.verdict == "adequate"
@@ -83,6 +84,7 @@ def found(session: Session) -> tuple[float, float, float, float]:
     return tuple(of[name] for t, name in zip(terms, ("scale", "bias_dps"), strict=True) for of in (t.values, t.se))  # type: ignore[return-value]
 
 
+@pytest.mark.wide
 def test_the_scatter_of_turns_is_in_the_error_of_the_scale() -> None:
     pulls = []
     for seed in range(10):

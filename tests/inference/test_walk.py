@@ -48,6 +48,7 @@ def z_of(seed: int, walk: float = 0.0, offset_dps: float = 0.0, per_c: float = 0
     return fit(session(seed, walk, offset_dps, per_c), model, axes="z").axes["z"]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(("walk", "stated"), [(1e-3, True), (3e-3, False)])
 def test_a_walk_over_one_power_cycle_is_noise(walk: float, stated: bool) -> None:
     """Each session was a misfit against temperature or time when the drift began anew in each run."""
@@ -74,6 +75,7 @@ def test_five_runs_show_a_walk_that_a_drift_explains_by_chance() -> None:
     assert min(likelihood_ratio(*pair, 1)[1] for pair in pairs) > 1e-3
 
 
+@pytest.mark.wide
 def test_the_likelihood_beside_a_walk_is_that_of_the_whole_covariance() -> None:
     """Against SciPy's density of all block means, the shared parameters by generalised least squares."""
     found = fit(session(0, walk=2e-3, runs=5), Model.builtin("default"), axes="z").axes["z"]

@@ -199,6 +199,7 @@ def test_training_simulates_from_a_model(
     assert "sessions train network paper alone" in capsys.readouterr().err
 
 
+@pytest.mark.wide
 def test_what_is_drawn_has_the_moments_of_the_model() -> None:
     """Variance of each block mean over scenarios: priors, effects and noise together; and the drift's correlation."""
     calibration = limit.table2(16)
@@ -215,6 +216,7 @@ def test_what_is_drawn_has_the_moments_of_the_model() -> None:
             assert np.cov(drawn[:, ::7].T) == pytest.approx(np.cov(other[:, ::7].T), rel=0.06, abs=5e-4)
 
 
+@pytest.mark.wide
 def test_faces_have_the_moments_of_the_campaign() -> None:
     """Means of 29 samples, scale and bias taken out: those of windows drawn sample by sample; and effects spread as asked."""
     columns = Faces(limit.table2(64), Protocol(), 30, 29).draw(40_000, np.random.default_rng(3))

@@ -116,6 +116,7 @@ def test_what_cannot_be_trained_on_is_bad_input(tmp_path: Path) -> None:
         split(recorded([session(tmp_path / "one", scenarios=1)], 290), seed=0)
 
 
+@pytest.mark.wide
 def test_a_run_folder_says_how_it_was_made(tiny_run: Path) -> None:
     assert {path.name for path in tiny_run.iterdir()} == {
         "config.json", "history.csv", "metrics.json", "made_by.json", "net.pt",

@@ -13,8 +13,8 @@ from .compare import agree, differences, figure, same, with_quarters
 from .record import HERE, SESSIONS, check, command
 
 KILOBYTES = 50
-SLOW = ("paper", "swing", "bench", "table2")
-"""Sessions whose answers take two thirds of the time of all. ``full`` is of a table too, and ``rest`` is explained too."""
+SLOW = ("paper", "swing", "bench", "table2", "full", "rest")
+"""Sessions whose answers take nine tenths of the time of all."""
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 
 

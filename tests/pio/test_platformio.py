@@ -83,6 +83,7 @@ def test_native_tests_pass(pio: Pio, require_tool: Require) -> None:
     assert "5 test cases: 5 succeeded" in done.stdout
 
 
+@pytest.mark.wide
 def test_other_bits_fail(pio: Pio, require_tool: Require, copy: Path) -> None:
     """A build that may reorder sums is found out by name."""
     require_tool("cc")

@@ -46,6 +46,7 @@ def dense(columns: Columns, runs: list[int], white_dps: float, ou: tuple[float, 
     return np.asarray(x @ np.linalg.solve(covariance, x.T))
 
 
+@pytest.mark.wide
 def test_the_mismatch_is_that_of_generalised_least_squares(diagnosis: Diagnosis, question: Question, columns: Columns) -> None:
     members = question.members(diagnosis)
     contest = Contest.of(columns, members, 0, 1, 0.0)

@@ -25,6 +25,7 @@ def seconds_of(found: Plan) -> float:
     return sum(run.seconds for run in found.runs)
 
 
+@pytest.mark.wide
 def test_the_question_is_the_one_that_the_session_leaves_open(of_four_minutes: Plan, diagnosis: Diagnosis) -> None:
     assert diagnosis.best is not None
     found = of_four_minutes
@@ -34,6 +35,7 @@ def test_the_question_is_the_one_that_the_session_leaves_open(of_four_minutes: P
     assert "cannot tell" in found.question.why
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("diagnosed_once")
 def test_power_grows_with_the_minutes_towards_one_and_never_falls_below_the_same_again(
     ambiguous: Session, of_four_minutes: Plan
@@ -83,6 +85,7 @@ def test_the_shortest_good_plan_is_taken_without_minutes(ambiguous: Session) -> 
     assert found.advice == ""
 
 
+@pytest.mark.wide
 @pytest.mark.usefixtures("diagnosed_once")
 def test_runs_are_of_new_power_cycles_and_of_the_rig(ambiguous: Session) -> None:
     found = plan(ambiguous, minutes=6.0, table_dps=30.0)

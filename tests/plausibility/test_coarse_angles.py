@@ -22,6 +22,7 @@ def judged(session: Session) -> tuple[str, float, float]:
     return told["verdict"], (found["value"] - SCALE) / found["se"], found["se"]
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("step_deg", "rate_hz", "swing_dps"),
     [
@@ -42,7 +43,8 @@ def test_coarse_steps_are_no_jumps_and_no_wrong_scale(step_deg: float, rate_hz: 
 @pytest.mark.parametrize(
     ("encoder_hz", "rate_hz", "step_deg", "swing_dps"),
     [
-        (7.3, 50.0, 0.02, 20.0), pytest.param(12.7, 100.0, 0.02, 60.0, marks=pytest.mark.wide),
+        pytest.param(7.3, 50.0, 0.02, 20.0, marks=pytest.mark.wide),
+        pytest.param(12.7, 100.0, 0.02, 60.0, marks=pytest.mark.wide),
         pytest.param(7.3, 50.0, 0.5, 20.0, marks=pytest.mark.wide), (31.0, 200.0, 0.3, 20.0),
     ],
 )

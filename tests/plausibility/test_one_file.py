@@ -51,6 +51,7 @@ def test_columns_of_one_file_in_another_order_are_told_of_it(order: tuple[int, i
     assert [c.axis for c in diagnose(slip).candidates if c.decision == "add"] == []
 
 
+@pytest.mark.wide
 def test_a_wrong_face_of_one_run_names_nothing_on_the_other_axes() -> None:
     whole = session(9302)
     before = {(c.effect.id, c.axis) for c in diagnose(whole).candidates if c.decision == "add"}

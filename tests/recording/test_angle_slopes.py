@@ -64,6 +64,7 @@ def tracked(seed: int, *, interpolated: bool, burst: float = 1.0) -> Session:
     return make_session(run, reference=Reference())
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 @pytest.mark.parametrize("interpolated", [True, False])
 def test_a_slower_tracker_gives_a_scale_without_attenuation(interpolated: bool) -> None:
@@ -133,6 +134,7 @@ def test_the_rates_of_a_brisk_motion_lose_nothing_of_it(noise_deg: float) -> Non
     assert noise < 0.5 * 2**0.5 * noise_deg / 0.1  # that of two angles
 
 
+@pytest.mark.wide
 def test_moments_in_which_a_tracker_is_noisy_are_told_and_left_out() -> None:
     session = tracked(3, interpolated=True, burst=8.0)
     measured = session.runs[0].measured_rates

@@ -30,7 +30,7 @@ def scale_of(session: Session) -> tuple[float, float, dict[str, Any]]:
     [
         pytest.param(11, {"eccentric_deg": 0.05, "rate_hz": 200.0}, marks=pytest.mark.wide),
         pytest.param(12, {"eccentric_deg": 0.02, "step_deg": 0.02}, marks=pytest.mark.wide),
-        (13, {"eccentric_deg": 0.3, "step_deg": 0.01}),
+        pytest.param(13, {"eccentric_deg": 0.3, "step_deg": 0.01}, marks=pytest.mark.wide),
         (14, {"eccentric_deg": 0.05, "as_rate": True}),
     ],
 )
@@ -43,6 +43,7 @@ def test_an_eccentric_encoder_leaves_the_scale_to_the_mean_rates(seed: int, how:
     assert [w["code"] for w in told["warnings"]] == []
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize(
     "how",
     [
@@ -58,6 +59,7 @@ def test_a_true_wobble_and_an_even_encoder_stay_adequate(how: dict[str, Any]) ->
         assert told["verdict"] == "adequate"
 
 
+@pytest.mark.wide
 @pytest.mark.parametrize("rate_hz", [pytest.param(50.0, marks=pytest.mark.wide), 200.0])
 def test_coarse_steps_of_a_fixed_rate_are_one_rate(rate_hz: float) -> None:
     """The slopes of steps of 0.36 deg vary by more than 1 % in some runs; the readings do not."""

@@ -112,6 +112,7 @@ def test_a_fit_does_not_feel_them() -> None:
             assert abs(a.values[name] - b.values[name]) < 0.5 * a.se[name] + 1e-12, (a.effect_id, name)
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 @pytest.mark.usefixtures("known_answers")
 def test_they_are_shown_named_and_explained() -> None:

@@ -140,6 +140,7 @@ def explained(chamber: Session) -> Explanation:
     return explain(chamber)
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_thermal_chamber_is_explained(explained: Explanation) -> None:
     """y follows a curve over temperature; on x a curve and a loop are certain only together."""
@@ -251,6 +252,7 @@ def broad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, dict[str, 
     return Session.open(folder / "broad"), part
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_motion_capture_agrees_with_a_plain_least_squares_fit(broad: tuple[Session, dict[str, np.ndarray]]) -> None:
     session, raw = broad

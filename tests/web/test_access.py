@@ -54,6 +54,7 @@ def axe() -> str:
     return (Path(spec.submodule_search_locations[0]) / "axe.min.js").read_text(encoding="utf-8")
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.wide), "dark"])
 def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
@@ -162,6 +163,7 @@ def test_what_has_the_focus_has_one_ring(served: Any, look: Callable[..., Any]) 
     assert page.evaluate(ring) == "solid"
 
 
+@pytest.mark.wide
 def test_dark_is_kept_for_the_next_visit(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start", color_scheme="light")
     dark = "document.body.classList.contains('body--dark')"
@@ -181,6 +183,7 @@ def test_reduced_motion_stands_still(served: Any, look: Callable[..., Any]) -> N
     assert page.evaluate(moving) == 0
 
 
+@pytest.mark.wide
 def test_a_choice_of_dark_outlives_an_answer_that_was_on_its_way(served: Any, look: Callable[..., Any]) -> None:
     """The page asks a new tab which mode it is in; who chose dark meanwhile got dark with light charts."""
     page = look(f"{served.url}start", color_scheme="light")

@@ -15,6 +15,7 @@ from known import ON_Z, add_measured
 pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
 
 
+@pytest.mark.wide
 def test_two_effects_on_one_axis_do_not_both_explain_all() -> None:
     """Each explained 100 %; after the first was added, it had explained half."""
     session, _ = simulate(None, "full", ["scale_asymmetry", "g_sensitivity"], 3, scenarios=3, seconds=8.0)

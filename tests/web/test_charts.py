@@ -47,6 +47,7 @@ def downloaded(place: Any, page: Any, name: str) -> bytes:
     return Path(download.value.path()).read_bytes()
 
 
+@pytest.mark.wide
 def test_every_chart_of_a_session_has_all_its_tools(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare?session=charts")
     page.locator(".figure b").first.wait_for()
@@ -74,6 +75,7 @@ def test_every_chart_of_a_session_has_all_its_tools(served: Any, look: Callable[
     page.wait_for_function("() => /s001[^]* ± [^]* m?dps/.test(document.querySelector('.scattered').innerText)")
 
 
+@pytest.mark.wide
 def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare?session=charts-by-hand")
     page.locator(".figure b").first.wait_for()
@@ -98,6 +100,7 @@ def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: A
     assert {row["unit"] for row in rows} == {"dps", "g", "°C"}
 
 
+@pytest.mark.wide
 def test_ticks_are_plain_numbers(served: Any, look: Callable[..., Any]) -> None:
     """No tick shows the digits that a division has produced."""
     page = look(f"{served.url}compare?session=charts")

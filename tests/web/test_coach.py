@@ -111,6 +111,7 @@ TONES = """window.tones = []; window.AudioContext = class { currentTime = 0; des
     createOscillator() { const f = {}; return {frequency: f, connect() {}, start() { tones.push(f.value); }, stop() {}}; } }"""
 
 
+@pytest.mark.wide
 def test_at_a_table_it_counts_to_six_says_flip_and_beeps(
     board: Board, serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path
 ) -> None:

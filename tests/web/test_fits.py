@@ -14,6 +14,7 @@ def served(workbench: Any, chromium: Any) -> Any:
     return workbench
 
 
+@pytest.mark.wide
 def test_an_answer_is_one_line_of_its_table(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}calibrate?session=fits")
     rows = page.locator(".answers tbody tr")

@@ -24,6 +24,7 @@ from gyrocal.simulation.simulate import simulate
 LISTS = ("Rests", "Movements between them")
 
 
+@pytest.mark.wide
 def test_rests_and_comparison_are_those_of_the_command_line(
     workbench: Any, look: Callable[..., Any], chromium: Any
 ) -> None:

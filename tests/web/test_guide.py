@@ -52,6 +52,7 @@ def test_a_bar_is_full_where_the_aim_is_met() -> None:
     assert errors(hands(2, None, None)["aims"]).count("not known yet") == 6
 
 
+@pytest.mark.wide
 def test_the_page_guides_a_simulated_hand_to_the_aims(
     serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path, require_tool: Callable[[str], str]
 ) -> None:

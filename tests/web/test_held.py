@@ -20,6 +20,7 @@ def served(workbench: Any, chromium: Any) -> Any:
     return workbench
 
 
+@pytest.mark.wide
 def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}diagnose?session=warm")
     page.get_by_role("combobox", name="effect").click()
@@ -45,6 +46,7 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
     assert '"held"' in (Path(served.folder) / "warm" / "workbench.json").read_text()
 
 
+@pytest.mark.wide
 def test_a_refusal_stands_beside_the_field_and_typing_filters(served: Any, look: Callable[..., Any]) -> None:
     """It named the effect by its id in a toast that lay over the field, and the list had to be scrolled."""
     page = look(f"{served.url}diagnose?session=warm")

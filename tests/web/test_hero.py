@@ -118,6 +118,7 @@ def test_the_dots_of_a_small_picture_are_not_under_its_line() -> None:
         assert float(r) > 2
 
 
+@pytest.mark.wide
 def test_what_follows_the_change_of_the_rate_is_drawn_against_it() -> None:
     """The residual of a delay is drawn against the slope of the rate, and its finding opens that picture."""
     session = simulate(None, "swing", ["lag"], 15, scenarios=1)[0]

@@ -82,6 +82,7 @@ def test_a_stop_that_comes_with_the_answer_leaves_a_worker_that_works(
     finish(story())
 
 
+@pytest.mark.wide
 def test_a_job_that_was_sent_ahead_is_done_once_and_gives_way_to_another(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     simulate(folder, scenarios=1, seconds=5)
@@ -105,6 +106,7 @@ def test_a_job_that_was_sent_ahead_is_done_once_and_gives_way_to_another(tmp_pat
     finish(story())
 
 
+@pytest.mark.wide
 def test_a_session_that_was_read_ahead_is_shown(tmp_path: Path) -> None:
     simulate(tmp_path / "s", scenarios=1, seconds=5)
 

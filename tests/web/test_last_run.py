@@ -41,6 +41,7 @@ def test_a_session_of_one_run_keeps_it(served: Any, look: Callable[..., Any]) ->
     assert "left out" not in cell.get_attribute("title")
 
 
+@pytest.mark.wide
 def test_the_last_of_two_keeps_it_until_the_other_is_back(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare?session=pair")
     page.get_by_role("button", name="Leave", exact=False).first.wait_for()

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from device.fake import FakeDevice
 from gyrocal.device.record import Wanted
 from gyrocal.recording.session import Session
@@ -64,6 +66,7 @@ def test_both_faces_are_recorded_while_one_watches(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.wide
 def test_a_cable_pulled_keeps_what_came_and_heals(tmp_path: Path) -> None:
     def pulled(fake: FakeDevice) -> None:
         stream(30 if fake.connections == 1 else 60)(fake)

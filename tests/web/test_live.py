@@ -47,6 +47,7 @@ def served(
 CHART = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
 
 
+@pytest.mark.wide
 def test_a_port_opens_live_and_the_chart_begins_with_the_first_sample(
     served: Any, look: Callable[..., Any], scenario: Session
 ) -> None:
@@ -162,6 +163,7 @@ class Gate:
         return written
 
 
+@pytest.mark.wide
 def test_each_sensor_of_a_board_has_its_own(
     serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, require_tool: Callable[[str], str]
 ) -> None:
@@ -191,6 +193,7 @@ def test_each_sensor_of_a_board_has_its_own(
     assert theirs[1] < 0.00876 < theirs[0]
 
 
+@pytest.mark.wide
 def test_the_first_sensor_is_shown_whichever_speaks_first(
     serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -212,6 +215,7 @@ def test_the_first_sensor_is_shown_whichever_speaks_first(
     board.close()
 
 
+@pytest.mark.wide
 def test_a_port_that_is_none(served: Any, look: Callable[..., Any], tmp_path: Path) -> None:
     secret = served.folder / "secret"
     secret.write_text("nothing to see")

@@ -33,6 +33,7 @@ def test_random_use_leaves_no_error(serve: Callable[..., Any], look: Callable[..
     assert served.process.poll() is None
 
 
+@pytest.mark.wide
 def test_a_chart_that_is_not_yet_made_leaves_no_error(serve: Callable[..., Any], chromium: Any, tmp_path: Path) -> None:
     """It can be removed from the moment that the page stands, and its buttons pressed, before the server says anything."""
     served = serve(tmp_path)

@@ -46,7 +46,7 @@ def test_a_visit(watched: Watched, look: Callable[..., Any], require_tool: Calla
     watched.check((), FONTS, serves=True)
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGINT", *(pytest.param(name, marks=pytest.mark.wide) for name in ("SIGTERM", "SIGHUP"))])
 def test_however_it_ends_its_traces_go(name: str, tmp_path: Path) -> None:
     """SIGHUP comes when the terminal is closed."""
     simulate(tmp_path / "s", "paper", [], 3, scenarios=1, seconds=4)

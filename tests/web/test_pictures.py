@@ -31,6 +31,7 @@ def downloaded(page: Any, name: str) -> bytes:
     return Path(download.value.path()).read_bytes()
 
 
+@pytest.mark.wide
 def test_a_chip_opens_the_picture_at_its_place(served: Any, look: Callable[..., Any]) -> None:
     """The address opens the session; the chip of a tone opens the spectrum about the tone, with the tone marked."""
     page = look(f"{served.url}compare?session=tone")
@@ -46,6 +47,7 @@ def test_a_chip_opens_the_picture_at_its_place(served: Any, look: Callable[..., 
     page.wait_for_function(f"() => {PLOT}.getOption().dataZoom[0].start === 0")
 
 
+@pytest.mark.wide
 def test_values_box_zoom_and_files_of_a_plot(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare?session=tone")
     page.locator(".finding").first.wait_for()
@@ -87,6 +89,7 @@ COPIED = """async () => {
 """The number of dark pixels in each line of the words, of the picture in the clipboard and of the chart without its words."""
 
 
+@pytest.mark.wide
 @pytest.mark.slow
 def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}diagnose?session=ripple", permissions=["clipboard-read", "clipboard-write"])
@@ -219,6 +222,7 @@ def leaves_a_run_out_by_keyboard(page: Any) -> None:
     page.get_by_role("status").wait_for(state="hidden")
 
 
+@pytest.mark.wide
 def test_the_address_holds_session_and_page(served: Any, look: Callable[..., Any]) -> None:
     """It follows what is shown; a reload and another tab with the same address show the same."""
     page = look(f"{served.url}compare?session=tone")
@@ -235,6 +239,7 @@ def test_the_address_holds_session_and_page(served: Any, look: Callable[..., Any
     page.wait_for_url("**/compare?session=ripple")
 
 
+@pytest.mark.wide
 def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(
     serve: Callable[..., Any], served: Any, look: Callable[..., Any]
 ) -> None:

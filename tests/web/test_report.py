@@ -103,6 +103,7 @@ def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> Non
     assert [c.judged["explained"] for c in changes[0].cards] == pytest.approx([1 - 0.2**2, 1 - 0.6**2])
 
 
+@pytest.mark.wide
 def test_the_evidence_comes_back_with_the_session(folder: Path, reports: tuple[str, str]) -> None:
     """Picture, size and reasons were gone when the session was opened again, and the report said that they were not kept."""
     texts: list[str | None] = []
@@ -148,6 +149,7 @@ def test_an_effect_added_by_hand_has_its_axes_its_sizes_and_its_doubt(folder: Pa
     assert "Not proven" not in words(page("hidden", found, None, [added, removed], None, None))
 
 
+@pytest.mark.wide
 def test_the_commands_leave_out_the_runs_that_were_left_out(
     folder: Path, undrawn: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

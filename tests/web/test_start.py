@@ -85,6 +85,7 @@ def test_a_path_opens_and_one_outside_says_why(served: Any, look: Callable[..., 
     page.locator(".figure b").first.wait_for()
 
 
+@pytest.mark.wide
 def test_the_truth_of_a_surprise_is_told_when_asked_for(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.get_by_role("button", name="Surprise me").click()

@@ -208,6 +208,7 @@ def test_zoom_shows_single_samples(served: Any, look: Callable[..., Any]) -> Non
     )
 
 
+@pytest.mark.wide
 def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare")
     figures(page)
@@ -224,6 +225,7 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
         page.wait_for_function(f"(least) => {MOST} > least", arg=0 if few else 10)
 
 
+@pytest.mark.wide
 def test_light_and_dark_keep_what_was_chosen(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare")
     figures(page)
@@ -241,6 +243,7 @@ def test_light_and_dark_keep_what_was_chosen(served: Any, look: Callable[..., An
     assert page.get_by_role("button", name="x", exact=True, pressed=True).is_visible()
 
 
+@pytest.mark.wide
 def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.get_by_role("button", name="hidden").wait_for()
@@ -254,6 +257,7 @@ def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:
     page.get_by_text("The model does not fit.").wait_for()
 
 
+@pytest.mark.wide
 def test_long_work_can_be_stopped(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.get_by_role("button", name="hidden").click()

@@ -19,6 +19,7 @@ def served(workbench: Any, chromium: Any) -> Any:
     return workbench
 
 
+@pytest.mark.wide
 def test_a_tab_whose_session_was_replaced_says_so_and_returns(served: Any, look: Callable[..., Any]) -> None:
     """Its session changed without a word, and with it the address, so that a reload did not bring it back."""
     first = look(f"{served.url}compare?session=mine")
@@ -37,6 +38,7 @@ def test_a_tab_whose_session_was_replaced_says_so_and_returns(served: Any, look:
     assert not second.locator(OTHER).is_visible()
 
 
+@pytest.mark.wide
 def test_a_session_that_is_opened_from_the_list_is_the_tabs_own(served: Any, look: Callable[..., Any]) -> None:
     """The button that opens it is gone before the session is read."""
     other = look(f"{served.url}compare?session=mine")

@@ -132,6 +132,7 @@ def test_a_training_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert not folder.exists()
 
 
+@pytest.mark.wide
 def test_what_the_command_says_reaches_the_person(tmp_path: Path, require_module: Callable[[str], None]) -> None:
     for module in training.NEEDED:
         require_module(module)

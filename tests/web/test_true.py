@@ -149,6 +149,7 @@ def test_all_that_is_certain_is_added_at_once_with_its_evidence(
     assert shown.cards == (card,)  # it comes back with the session
 
 
+@pytest.mark.wide
 def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:

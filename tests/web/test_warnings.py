@@ -45,6 +45,7 @@ def test_the_strip_marks_the_run_that_is_wrong(served: Any, look: Callable[..., 
     assert excess["008_down.csv"] > float(page.locator(".figure.excess b").inner_text())
 
 
+@pytest.mark.wide
 def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[..., Any]) -> None:
     header = served.folder / "slip/session.toml"
     before = header.read_text()
@@ -63,6 +64,7 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     assert (served.folder / "slip/session.toml.before").read_text() == before
 
 
+@pytest.mark.wide
 def test_an_axis_that_is_not_judged_has_no_figure_of_its_own(served: Any, look: Callable[..., Any]) -> None:
     """A session in rad/s showed an excess of some mdps in the colour of a verdict, and one of the axis that was not judged."""
     page = look(f"{served.url}compare?session=radians")
