@@ -22,7 +22,8 @@ test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/pytest $(PARALLEL)
 
-# further cases of what these tests prove, before a release and in CI beside them: other seeds, sizes, campaigns and CPUs
+# what takes longer than `make test` can afford, before a release and in CI beside it: further seeds, sizes, campaigns and CPUs,
+# most whole diagnoses and most visits of the page
 wide: $(VENV)/.installed-dev
 	$(BIN)/pytest $(PARALLEL) --wide -m wide
 

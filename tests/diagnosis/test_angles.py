@@ -191,6 +191,25 @@ def test_turns_name_what_their_errors_do_not_explain_and_nothing_else() -> None:
         assert not [c for c in diagnose(by_hand(20 + seed)).candidates if c.decision == "add"]
 
 
+@pytest.mark.parametrize("name", ["scale_asymmetry", "scale_temperature"])
+def test_an_error_in_proportion_to_the_rate_is_named_by_turns(name: str) -> None:
+    """Its share of a turn is the same whatever its course; an asymmetry of eleven errors had been not measurable."""
+    rng, runs, k = np.random.default_rng(3), [], {"scale_asymmetry": -0.004, "scale_temperature": 6e-4}[name]
+    for i in range(12):
+        t_s, temp_c, turns = np.arange(450) / 50, 22.0 + 0.7 * ((7 * i) % 12), (-1) ** i * (1 + i // 2 % 2)
+        rate = np.where((t_s > 2) & (t_s < 7), (1 - np.cos(2 * np.pi * (t_s - 2) / 5)) * 72.0 * turns, 0.0)
+        seen_c = temp_c + rng.normal(0, 0.01, t_s.size)
+        gyro = rng.normal([0.3, -0.2, 0.5], 0.05, (t_s.size, 3))
+        gyro[:, 2] += (1.01 + (k * (-1) ** i if name == "scale_asymmetry" else k * (temp_c - 25))) * rate
+        known = {"turn_deg": 360.0 * turns + rng.normal(0, 0.2), "temp_c": seen_c}
+        runs.append(replace(make_run(t_s, gyro, axis="z", scenario=f"s{i // 4}", **known), turn_se_deg=0.2))
+    (found,) = (c for c in diagnose(make_session(*runs), ON_Z).candidates if c.named)
+    assert found.effect.id == name
+    (value,), (se,) = found.values.values(), found.se.values()
+    assert value == pytest.approx(k, abs=3 * se)
+    assert se < abs(k) / 5
+
+
 def test_a_vibration_that_rests_show_is_named_beside_turns_by_their_angle() -> None:
     """It has no part in the net angles of the turns, which were counted as runs in which it is small."""
     quiet, shaken = session(3), []

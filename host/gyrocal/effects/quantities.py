@@ -21,6 +21,7 @@ REFERENCE_C = 25.0
 """Reference temperature of bias and scale."""
 
 TURNING = "a run in which the table turns about this axis at a known rate"
+TURNING_OR_TURNED = "a run in which the table turns about this axis at a known rate or by a known angle"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
 MOVING_TEMPERATURE = "a temp_c column that moves by 1 °C or more over the session"
@@ -107,6 +108,15 @@ def sense_of_rotation(run: Run) -> Array:
 def turns(runs: Sequence[Run], axis: int) -> bool:
     """True if the table turns about this axis and its rate is known at each sample."""
     return any(r.axis_index == axis and not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs)
+
+
+def turned(runs: Sequence[Run], axis: int) -> list[float]:
+    """The directions (1 and -1) of the turns of known angle about this axis, of which the mean rate alone is known.
+
+    An error that is proportional to the rate, or to its size, has the same share of such a turn whatever its course is.
+    """
+    by_angle = (r.rate_dps[0] for r in runs if r.axis_index == axis and r.rate_is_mean)
+    return sorted({float(np.sign(mean_dps)) for mean_dps in by_angle if mean_dps})
 
 
 def power_on_time_s(run: Run) -> Array | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, stack
 from gyrocal.effects.mistaken import square_of_slope
-from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.effects.quantities import rate_about, turned, turns
 from gyrocal.recording.session import Array, Run
 
 
@@ -34,7 +34,8 @@ class ScaleAsymmetry(Effect):
     cases = (Case({"k": 0.001}, ("k",), "full"),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if turns(runs, axis) else TURNING
+        both = "a run in which the table turns about this axis at a known rate, or turns by known angles in both directions"
+        return None if turns(runs, axis) or len(turned(runs, axis)) > 1 else both
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(np.abs(rate_about(run, axis)))

@@ -8,10 +8,11 @@ from gyrocal.effects.base import AtSample, Case, Effect, Law, Parameter, Role, s
 from gyrocal.effects.quantities import (
     MOVING_TEMPERATURE,
     REFERENCE_C,
-    TURNING,
+    TURNING_OR_TURNED,
     rate_about,
     temperature_moves,
     temperature_noise,
+    turned,
     turns,
     warming_c,
 )
@@ -41,8 +42,8 @@ class ScaleTemperature(Effect):
     cases = (Case({"k_per_c": 7e-5}, ("k_per_c",)),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        if not turns(runs, axis):
-            return TURNING
+        if not turns(runs, axis) and not turned(runs, axis):
+            return TURNING_OR_TURNED
         return None if temperature_moves(runs) else MOVING_TEMPERATURE
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
