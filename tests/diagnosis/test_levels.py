@@ -10,6 +10,7 @@ from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.residual.comparison import Comparison, measure, of_excess, with_floor_of
 from gyrocal.diagnosis.residual.levels import Floor, Level, MeanSquares, excess_of, explained
 from gyrocal.diagnosis.residual.residual_table import residual_table
+from gyrocal.inference.heldout import Prediction
 from gyrocal.noise.drift import ou_noise
 from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session
@@ -175,3 +176,13 @@ def test_rounding_moves_no_excess_beyond_three_of_its_errors() -> None:
     drawn = np.random.default_rng(9).uniform([1.0, 1e-6], [3.0, 1.0], (2000, 2))
     found = [excess_of(errors * size, size, 0.0) for errors, size in drawn]
     assert all(excess <= 3 * se for excess, se in found)
+
+
+def test_a_prediction_that_is_no_number_leaves_no_level() -> None:
+    """The other data of a fold may not determine the model: rms "nan" had an excess of 0.00 +- 0.31 dps beside it."""
+    (run,) = one_run(4.0, (0.0, 1.0), 1).runs
+    held = [Prediction(run, 2, slice(0, 200), np.zeros(200)), Prediction(run, 2, slice(200, 400), np.full(200, np.nan))]
+    assert MeanSquares.of(held[:1]).samples == 200
+    squares = MeanSquares.of(held)
+    assert squares == MeanSquares(0.0, 0.0, 0)
+    assert Level.of(squares, Floor(0.01, 0.01, 0.001, 0.001, 0.01)).excess_dps is None

@@ -55,7 +55,9 @@ class MeanSquares:
 
     @staticmethod
     def of(held: Iterable[Prediction]) -> MeanSquares:
-        """The mean squares of the predictions of one axis. Without predictions they are zero, and ``samples`` is 0."""
+        """The mean squares of the predictions of one axis. Without predictions, and where the samples of a fold's training do
+        not determine the model, they are zero, and ``samples`` is 0.
+        """
         squares, fast, samples = 0.0, 0.0, 0
         sums: dict[str, Array] = {}
         norms: dict[str, Array] = {}
@@ -68,6 +70,8 @@ class MeanSquares:
                 residual[-FIRST:] -= ends_apart(p.run, p.axis, residual)
             seen = p.run.reached[p.rows]  # the others have no prediction and no residual
             residual, columns = residual[seen], columns[seen]
+            if not np.isfinite(residual).all():
+                return MeanSquares(0.0, 0.0, 0)
             squares += float(residual @ residual)
             fast += _within_blocks(residual, round(BLOCK_S * p.run.sample_rate_hz))
             samples += residual.size
