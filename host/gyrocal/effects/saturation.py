@@ -186,7 +186,8 @@ class Saturation(ReadingFault):
             rates = [read * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
             true_dps = np.concatenate(rates) if rates else np.zeros(0)
             true_dps = true_dps[np.isfinite(true_dps)]
-            if limit <= 0 or true_dps.size < LEAST_HEAPED or float(np.median(true_dps)) < BEYOND * limit / (1 - END):
+            # slopes of a coarse angle jump between two values, whose mean is the rate; a lost tracker pulls the mean alone
+            if true_dps.size < LEAST_HEAPED or min(np.median(true_dps), np.mean(true_dps)) < BEYOND * limit / (1 - END):
                 continue
             low, high = np.quantile(true_dps, (0.1, 0.9))
             came = sum(int(np.count_nonzero(np.diff(a, prepend=False) & a)) for a in at)
