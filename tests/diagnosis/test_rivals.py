@@ -59,6 +59,22 @@ def test_a_richer_rival_of_the_same_shape_is_not_shown() -> None:
     assert with_groups([line, curve])[0].group == ("drift",)
 
 
+def test_a_richer_rival_that_gains_enough_for_its_parameters_is_shown() -> None:
+    """A curve with a gain of 11.5 stood beside a line with 8.1, whose drift was named alone; a warm-up had been planted."""
+    line = candidate("drift", "add", [2.5, 3.0, 2.6], 1)
+    for more, group in ((1.5, ("drift",)), (3.4, ("warmup", "drift"))):
+        curve = candidate("warmup", "suggest", [2.5 + more, 3.0, 2.6], 2)
+        assert with_groups([line, curve])[0].group == group
+
+
+def test_beside_an_effect_that_is_itself_larger_than_usual_a_rival_of_any_size_is_shown() -> None:
+    """A disturbance made a temperature dependence too large for any sensor, and named a drift that was nine times the usual."""
+    slope = replace(candidate("thermal_lag", "suggest", [4.9, 6.1, 5.3], 1), values={"k_dps_s_per_c": -157.0})
+    for k_dps_per_s, group in ((5e-4, ("drift",)), (9e-3, ("drift", "thermal_lag"))):
+        line = replace(candidate("drift", "add", [5.0, 6.0, 5.5], 1), values={"k_dps_per_s": k_dps_per_s})
+        assert with_groups([line, slope])[0].group == group
+
+
 def test_suggestions_of_one_shape_are_shown_together_where_nothing_passes() -> None:
     """One run holds a transient in one part, which no other part predicts: both causes are suggested, and neither is proven."""
     table = candidate("spin_up", "suggest", [9.0, 0.1, 0.0], 2)

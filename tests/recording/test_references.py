@@ -227,6 +227,27 @@ def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, off
     assert (found.mirrored, found.alternatives_s) == (False, ())
 
 
+@pytest.mark.parametrize(("late_s", "count_deg"), [(0.26, 1.0), (-0.9, 0.3), (0.1, 0.01)])
+def test_the_offset_of_a_coarse_angle_is_found_where_runs_begin_at_rest_and_end_fast(late_s: float, count_deg: float) -> None:
+    """Offsets were compared by what each leaves of the samples that it reaches: of the last ones, which hardly move, nothing.
+
+    A rate of an angle in degrees is off by as much as it is large, and was compared without an average.
+    """
+
+    def speed(at_s: Array) -> Array:
+        return np.asarray((1 - np.exp(-np.maximum(at_s, 0.0) / 0.6)) * np.exp(-np.maximum(at_s, 0.0) / 20))
+
+    rng, runs, t_s, fine_s = np.random.default_rng(1), [], np.arange(900) / 200, np.arange(-800, 3000) / 400
+    for k, fastest_dps in enumerate((170.0, 200.0, -260.0, 310.0)):
+        angle_deg = np.interp(t_s - late_s, fine_s, np.cumsum(fastest_dps * speed(fine_s)) / 400)
+        gyro = rng.normal(0, 0.1, (t_s.size, 3)) + np.outer(fastest_dps * speed(t_s), [0, 0, 1])
+        seen_deg = np.floor(angle_deg / count_deg) * count_deg
+        runs.append(make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{k}", ref_angle_deg=seen_deg))
+    found = registered(make_session(*runs, reference=OWN)).registration_fit
+    assert found is not None
+    assert found.registration.offset_s == pytest.approx(-late_s, abs=0.005 + 0.065 * count_deg)
+
+
 def test_nothing_stands_out_and_nothing_jumps_where_the_reference_has_ended() -> None:
     """The readings of the last 1.9 s have no reference, whose last value is no true rate of theirs."""
     rng = np.random.default_rng(3)

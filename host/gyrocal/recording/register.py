@@ -45,13 +45,17 @@ MOST_SAMPLES = 30_000
 ROUNDS = 20
 SETTLED_S = 1e-7
 AMBIGUOUS = 3.0
-"""Another offset is an alternative if its mean square exceeds the best one's by less than this many of its standard errors."""
+"""Another offset is an alternative if it leaves more than the best one by less than this many standard errors of that."""
 WORSE = 0.5
 """A reference is too late if a later offset leaves less than this part of what the best allowed one leaves."""
 CAUCHY = 2.4
 """Scale of Cauchy's loss in medians of the difference: 95 % efficient for Gaussian noise."""
 NOISE_ERRORS = 10.0
 """Products of readings and reference below this many standard errors of white noise show no rotation."""
+LEAST_OVERLAP = 0.5
+"""Part of the samples that readings and reference have in common at an offset; fewer resemble each other by chance."""
+COARSE = 0.03
+"""Part of the readings' rms above which the noise of a rate from a coarse angle is averaged out, as in the readings."""
 ONE_UNIT = 10.0
 """Readings and reference whose sizes differ by more than this factor are in different units, such as rad/s and deg/s."""
 ROTATIONS = 5
@@ -99,6 +103,18 @@ def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:
     return [(run, every) for run in runs]
 
 
+def _mean(columns: Array, samples: int) -> Array:
+    """Moving means of columns [n, k] over a number of samples."""
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(columns, samples, axis=0)) if samples > 1 else columns
+
+
+def _whole(n: int, samples: int) -> slice:
+    """The rows of ``n`` whose moving means over a number of samples hold no row beyond the ends."""
+    return slice(samples // 2, n - samples // 2)
+
+
 @dataclass(frozen=True)
 class _Reading:
     """Some samples of a run: times [n], s, readings [n, a] and the reference, a = 3 axes or the run's own."""
@@ -131,6 +147,18 @@ class _Reading:
         return float(np.max(np.mean((self.reference.rates_dps[known] - smooth) ** 2, axis=0)))
 
     @cached_property
+    def averaged(self) -> int:
+        """The number of samples over which readings and reference are averaged alike: 1 but for a coarse angle.
+
+        The rate of an angle between two counts is off by up to a count over the time between them.
+        """
+        left_deg, rms_dps = self.reference.left_deg, float(np.sqrt(np.mean(np.var(self.y_dps, axis=0))))
+        if left_deg is None or not np.isfinite(left_deg).any() or rms_dps <= 0:
+            return 1
+        needed_s = np.sqrt(2) * float(np.nanstd(left_deg)) / (COARSE * rms_dps)
+        return min(max(1, round(needed_s / float(np.median(np.diff(self.t_s))))), max(1, self.t_s.size // FEWEST_MEANS))
+
+    @cached_property
     def reference_step_s(self) -> float:
         """The usual time from one sample of the reference to the next, s."""
         return float(np.median(np.diff(self.reference.t_s[self.reference.known])))
@@ -160,6 +188,11 @@ class _Trial:
     power: Array
     noise: float
     readings: float
+
+    @property
+    def left(self) -> float:
+        """The part of the readings' power that is left. Offsets reach different samples, of which some hardly move."""
+        return self.square / max(self.readings, 1e-300)
 
     def rotation(self) -> tuple[Array, bool]:
         """The rotation [3, 3] and whether the readings follow the reference only as its mirror image.
@@ -215,15 +248,13 @@ class _Search:
 
         A reference with few samples cannot show what is faster, such as the steps of who carries the sensor.
         """
-        from scipy.ndimage import uniform_filter1d
-
         pairs = []
         for r in self.readings:
             at_s = Registration(offset_s=best.offset_s, drift=best.drift).moment_s(r.t_s)
             use = r.recorded(at_s)
             size = round(SLOW_STEPS * r.reference_step_s / float(np.median(np.diff(r.t_s))))
             if size > 1 and use.sum() > FEWEST_MEANS * size:
-                pairs.append([uniform_filter1d(v[use] - v[use].mean(axis=0), size, axis=0) for v in (r.y_dps, r.rates(at_s))])
+                pairs.append([_mean(v[use] - v[use].mean(axis=0), size) for v in (r.y_dps, r.rates(at_s))])
         if not pairs:
             return 1.0
         y, w = (np.concatenate(columns) for columns in zip(*pairs, strict=True))
@@ -233,10 +264,10 @@ class _Search:
     def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:
         starts = self._starts_s()
         span_s = min(FIRST_S, self.longest_s)
-        trials = sorted((self._refined(self.trial(o, 0.0, span_s), span_s, False) for o in starts), key=lambda t: t.square)
+        trials = sorted((self._refined(self.trial(o, 0.0, span_s), span_s, False) for o in starts), key=lambda t: t.left)
         best = trials[0]
-        allowed = best.square * (1 + AMBIGUOUS * np.sqrt(2 / best.samples))
-        others = {round(t.offset_s, 3) for t in trials[1:] if t.square < allowed and abs(t.offset_s - best.offset_s) > 0.02}
+        allowed = best.left * (1 + AMBIGUOUS * np.sqrt(2 / best.samples))
+        others = {round(t.offset_s, 3) for t in trials[1:] if t.left < allowed and abs(t.offset_s - best.offset_s) > 0.02}
         while drifts:
             best = self._refined(self.trial(best.offset_s, best.drift, span_s), span_s, True)
             if span_s >= self.longest_s:
@@ -256,8 +287,9 @@ class _Search:
             use = r.recorded(at_s) & (np.abs(r.t_s - r.middle_s) <= max(span_s / 2, span_s - (r.t_s[-1] - r.t_s[0]) / 2))
             if use.sum() < 4 * (a + 1):
                 continue
-            w, slope, y, t = r.rates(at_s[use]), r.slopes(at_s[use]), r.y_dps[use], r.t_s[use] - r.t_s[0]
-            parts.append((y - y.mean(axis=0), w - w.mean(axis=0), slope, slope * t[:, None]))
+            w, slope, y, t = r.rates(at_s[use]), r.slopes(at_s[use]), r.y_dps[use], r.t_s[use, None] - r.t_s[0]
+            w, slope, y, t = (_mean(v, r.averaged)[_whole(len(v), r.averaged)] for v in (w, slope, y, t))
+            parts.append((y - y.mean(axis=0), w - w.mean(axis=0), slope, slope * t))
         if not parts:
             raise InputError(self._too_few(4 * (a + 1)))
         y, w, slope, late = (np.concatenate([p[i] for p in parts]) for i in range(4))
@@ -290,12 +322,12 @@ class _Search:
         return "reference and readings do not overlap in time: shift the reference's times and import again"
 
     def _refined(self, trial: _Trial, span_s: float, drifts: bool) -> _Trial:
-        """Gauss-Newton steps, halved until the mean square falls."""
+        """Gauss-Newton steps, halved until less of the readings' power is left."""
         for _ in range(ROUNDS):
             offset_s, drift = (trial.step[0], trial.step[1]) if drifts else (trial.step[2], 0.0)
             for halved in (1.0, 0.5, 0.25, 0.1):
                 following = self.trial(trial.offset_s + halved * offset_s, trial.drift + halved * drift, span_s)
-                if following.square < trial.square:
+                if following.left < trial.left:
                     break
             else:
                 return trial
@@ -335,18 +367,54 @@ class _Search:
         """Offsets of the grid [m], s, and the part of the readings' power [m] that the best linear map leaves at each."""
         step_s = max(1 / GRID_HZ, min(float(np.median(np.diff(r.t_s))) for r in self.readings))
         most = round(min(LOOKED_S, max(LATEST_S, self.longest_s / 4)) / step_s)
-        a, k = self.readings[0].y_dps.shape[1], len(self.readings[0].reference.motions)
-        power, cross, total = np.zeros((k, k)), np.zeros((2 * most + 1, a, k)), 0.0
-        for r in self.readings:
-            even_s = np.arange(r.t_s[0], r.t_s[-1], step_s)
-            y = np.column_stack([np.interp(even_s, r.t_s, r.y_dps[:, i]) for i in range(r.y_dps.shape[1])])
-            w = np.where(r.recorded(even_s)[:, None], r.rates(even_s), 0.0)
-            y, w = y - y.mean(axis=0), w - w.mean(axis=0)
-            size = 2 ** int(np.ceil(np.log2(max(even_s.size, most) + most + 1)))
-            of_y, of_w = np.fft.rfft(y, size, axis=0), np.fft.rfft(w, size, axis=0)
-            both = np.fft.irfft(of_y[:, :, None] * of_w.conj()[:, None, :], size, axis=0)
-            cross = cross + np.roll(both, most, axis=0)[: 2 * most + 1]
-            power, total = power + w.T @ w, total + float(np.sum(y**2))
+        sums = [_Sums.of(r, step_s, most) for r in self.readings]
+        cross, power, total = (sum(getattr(of_run, name) for of_run in sums) for name in ("cross", "power", "total"))
+        enough = sum(of_run.samples for of_run in sums) >= LEAST_OVERLAP * sum(of_run.samples.max() for of_run in sums)
         maps = cross @ np.linalg.pinv(power, rcond=1e-9)
         explained = np.sum(maps * cross, axis=(1, 2))
-        return np.asarray(step_s * np.arange(-most, most + 1)), np.asarray(1 - explained / max(total, 1e-300))
+        left = np.where(enough, 1 - explained / np.maximum(total, 1e-300), 1.0)
+        return np.asarray(step_s * np.arange(-most, most + 1)), left
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Sums over the samples that a run's readings and its reference have in common at each offset [m], about their means.
+
+    ``cross`` [m, a, k] and ``power`` [m, k, k] are those of the products with the reference of the readings and of itself,
+    ``total`` [m] that of the readings' squares, and ``samples`` [m] how many they are.
+    """
+
+    cross: Array
+    power: Array
+    total: Array
+    samples: Array
+
+    @staticmethod
+    def of(r: _Reading, step_s: float, most: int) -> _Sums:
+        """The sums at offsets of up to ``most`` steps of ``step_s``, s, either sign."""
+        even_s = np.arange(r.t_s[0], r.t_s[-1], step_s)
+        over = round(r.averaged * float(np.median(np.diff(r.t_s))) / step_s)
+        y = np.column_stack([np.interp(even_s, r.t_s, column) for column in r.y_dps.T])
+        y, w, there = _mean(y - y.mean(axis=0), over), _mean(r.rates(even_s), over), r.recorded(even_s)
+        mine, whole = np.zeros(len(y)), _whole(len(y), over)
+        mine[whole], there[: whole.start], there[whole.stop :] = 1.0, False, False
+        y, w = y * mine[:, None], np.where(there[:, None], w - w[there].mean(axis=0) if there.any() else 0.0, 0.0)
+        a, k = y.shape[1], w.shape[1]
+        size = 2 ** int(np.ceil(np.log2(max(even_s.size, most) + most + 1)))
+        pairs = [(i, j) for i in range(k) for j in range(i, k)]
+        of_readings = np.fft.rfft(np.column_stack([mine, y, np.sum(y**2, axis=1)]), size, axis=0)
+        other = np.fft.rfft(np.column_stack([there, w, *(w[:, i] * w[:, j] for i, j in pairs)]), size, axis=0).conj()
+
+        def over_both(i: int, j: int) -> Array:
+            return np.roll(np.fft.irfft(of_readings[:, i] * other[:, j], size), most)[: 2 * most + 1]
+
+        samples = np.maximum(np.rint(over_both(0, 0)), 0.0)
+        n = np.maximum(samples, 1.0)
+        of_y = np.column_stack([over_both(1 + i, 0) for i in range(a)])
+        of_w = np.column_stack([over_both(0, 1 + j) for j in range(k)])
+        cross = np.array([[over_both(1 + i, 1 + j) for j in range(k)] for i in range(a)]).transpose(2, 0, 1)
+        power = np.empty((n.size, k, k))
+        for at, (i, j) in enumerate(pairs):
+            power[:, i, j] = power[:, j, i] = over_both(0, 1 + k + at) - of_w[:, i] * of_w[:, j] / n
+        total = over_both(1 + a, 0) - np.sum(of_y**2, axis=1) / n
+        return _Sums(cross - of_y[:, :, None] * of_w[:, None, :] / n[:, None, None], power, total, samples)

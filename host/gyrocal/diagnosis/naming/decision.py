@@ -120,11 +120,20 @@ def evident_gain(c: Candidate) -> bool:
     return c.gain is not None and c.gain >= POLICY.evident_gain
 
 
+def usual(candidate: Candidate) -> bool:
+    """True if every linear parameter is at most as large as in the sources of the effect, within its standard error."""
+    return _at_most(candidate, 1.0)
+
+
 def in_range(candidate: Candidate) -> bool:
     """True if every linear parameter is at most ``Policy.range_factor`` times its typical size, within its standard error.
 
     A fault of the reading has no linear parameter and always passes.
     """
+    return _at_most(candidate, POLICY.range_factor)
+
+
+def _at_most(candidate: Candidate, factor: float) -> bool:
     if candidate.effect.fault_of(candidate.values):
         return True
     for parameter in candidate.effect.parameters:
@@ -132,7 +141,7 @@ def in_range(candidate: Candidate) -> bool:
         if (
             value is not None
             and parameter.sized
-            and abs(value) - candidate.se.get(parameter.name, 0.0) > POLICY.range_factor * parameter.typical[1]
+            and abs(value) - candidate.se.get(parameter.name, 0.0) > factor * parameter.typical[1]
         ):
             return False
     return True

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate
-from gyrocal.diagnosis.naming.decision import in_range
+from gyrocal.diagnosis.naming.decision import in_range, usual
 from gyrocal.diagnosis.naming.gains import total
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -25,12 +25,13 @@ def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = Non
     shape, the simpler one is preferred unless the other gains enough for each further parameter, or the simpler one alone is
     smaller than any known one. A candidate that reached only ``suggest`` is still a rival of one that reached ``add``, also if
     it is the simpler one. So is an effect that the session cannot measure, if what is known of its course has the same shape.
-    An effect of a size that no sensor has is no rival.
+    An effect of a size that no sensor has is no rival of one of a usual size. It is a rival of one that is itself larger than
+    usual: something that neither describes may make the sizes of both.
     """
-    passed = [c for c in candidates if c.decision in ("add", "suggest") and in_range(c)]
+    passed = [c for c in candidates if c.decision in ("add", "suggest")]
 
     def rivals(c: Candidate) -> list[Candidate]:
-        return [r for r in passed if r is not c and r.axis == c.axis]
+        return [r for r in passed if r is not c and r.axis == c.axis and (in_range(r) or not usual(c))]
 
     unmeasured = [c for c in candidates if c.decision == "not_measurable"]
     grouped = (_grouped(c, rivals(c), excludes) if c.decision == "add" else c for c in candidates)
@@ -90,7 +91,7 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate], excludes: Excludes | Non
             continue
         if same and rival.parameters < c.parameters and rival.decision == "add" and (c.tiny or not rival.tiny):
             return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
-        if same and rival.parameters > c.parameters:
+        if same and rival.parameters > c.parameters and (rival.gain or 0.0) - (c.gain or 0.0) < _price(rival, c):
             continue
         if not same and excludes is not None and excludes(c, rival):
             continue
