@@ -26,9 +26,11 @@ from gyrocal.recording.column_names import (
 )
 from gyrocal.recording.guess_units import PHONE, Known, Motion, typical_rate_dps, unit_of_acceleration, unit_of_gyro, values_of
 from gyrocal.recording.one_sensor import check_one_sensor
+from gyrocal.recording.own_orientation import of_table
 from gyrocal.recording.session import AXES, Array
 from gyrocal.recording.source import Source, moments_ns
 from gyrocal.recording.stamps import period_s
+from gyrocal.recording.stated import rate_hz as stated_rate_hz
 
 TIME = (
     r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|clock|zeit|all_time|"
@@ -169,12 +171,17 @@ def _with_reference(known: Known, source: Source, found: Mapping[str, Guess]) ->
 
 
 def _moves(source: Source, found: Mapping[str, Guess], scaling: Scaling) -> Motion | None:
-    """The times and the accelerations that were recognized; None without them."""
-    wanted = ("t_s", "ax_g", "ay_g", "az_g")
-    if not set(wanted) <= set(found):
+    """The times, with the accelerations that were recognized and the sensor's own orientation; None without times."""
+    rate_hz = scaling.rate_hz or stated_rate_hz(source.above)
+    if "t_s" in found:
+        t_s = source.numbers(ColumnMap.parse(found["t_s"].map, scaling))
+    elif rate_hz is not None:
+        t_s = np.arange(source.frame.height) / rate_hz
+    else:
         return None
-    t_s, *acc_g = (source.numbers(ColumnMap.parse(found[name].map, scaling)) for name in wanted)
-    return Motion(t_s, np.column_stack(acc_g))
+    accelerations = [found[name] for name in ("ax_g", "ay_g", "az_g") if name in found]
+    acc = [source.numbers(ColumnMap.parse(guessed.map, scaling)) for guessed in accelerations]
+    return Motion(t_s, np.column_stack(acc) if len(acc) == len(AXES) else None, of_table(source))
 
 
 def guess_reference(source: Source) -> list[Guess]:

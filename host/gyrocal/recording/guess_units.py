@@ -1,8 +1,9 @@
 """Units of rates and accelerations that no name states, from what the readings must show of one motion.
 
-A gyroscope in rad/s reads 57 times less than in deg/s. Where a sensor turns, gravity turns in its readings by the angle that
-the rates add up to, a table turns at the rate or by the angle that was stated, and nothing at rest trembles by degrees per
-second. Where none of this decides, :attr:`Unit.sure` is False, and a person has to say which it is.
+A gyroscope in rad/s reads 57 times less than in deg/s. Where a sensor turns, gravity and an orientation that it computed turn
+by the angle that the rates add up to, a table turns at the rate or by the angle that was stated, and nothing at rest trembles
+by degrees per second. Its range ends at the full scale of a part. Where none of this decides, :attr:`Unit.sure` is False, and
+a person has to say which it is.
 """
 
 from __future__ import annotations
@@ -16,11 +17,15 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import STANDARD_GRAVITY, ColumnMap, Scaling
 from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.cut import Cut
+from gyrocal.recording.range_end import in_rad_s
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 from gyrocal.recording.stated import unit_of_rates
+from gyrocal.recording.stretches import Index, Mask
 
 RAD = 180 / np.pi
+RADIANS = {"rad/s": 1.0, "dps": 1 / RAD}
+"""What a reading of 1 turns in a second, rad."""
 PHONE = "phones write rad/s"
 LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
@@ -75,10 +80,13 @@ class Unit:
 
 @dataclass(frozen=True)
 class Motion:
-    """Times [n], s, and accelerations [n, 3] in any unit, NaN where they are missing."""
+    """Times [n], s, and beside them, NaN where they are missing and None without any: accelerations [n, 3] in any unit, and the
+    orientations that the sensor computed, unit quaternions [n, 4].
+    """
 
     t_s: Array
-    acc: Array
+    acc: Array | None
+    turned: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -145,12 +153,17 @@ def unit_of_gyro(
         if scaling.lsb_dps is None:
             raise _counts(source, next(iter(names.values())), values)
         return Unit(":counts", "whole numbers, of which --lsb-dps says the size")
-    if largest > LARGEST_RAD_S:
-        return Unit(":dps", f"readings up to {largest:.4g} are too large for rad/s")
     up_to = f"readings up to {largest:.4g}"
+    if in_rad_s(values):
+        return Unit(":rad/s", f"{up_to}, at which they end: in rad/s that is the full scale of a part")
+    if largest > LARGEST_RAD_S:
+        return Unit(":dps", f"{up_to} are too large for rad/s")
     rates = np.column_stack([source.numbers(ColumnMap("gz_dps", name)) for name in names.values()])
-    if motion is not None and len(names) == 3 and (unit := _by_gravity(rates, motion)):
-        return Unit(f":{unit}", f"{up_to}; in {unit} they turn as gravity does in the accelerometer")
+    if motion is not None and len(names) == 3:
+        if motion.acc is not None and (unit := _by_gravity(rates, motion.t_s, motion.acc)):
+            return Unit(f":{unit}", f"{up_to}; in {unit} they turn as gravity does in the accelerometer")
+        if motion.turned is not None and (unit := _by_orientation(rates, motion.t_s, motion.turned)):
+            return Unit(f":{unit}", f"{up_to}; in {unit} they turn as the orientation in the same table does")
     if (unit := _by_statement(rates, motion, known)) is not None:
         return Unit(f":{unit}", f"{up_to}; in {unit} they are of the size of the rate that is known")
     if (unit := _by_noise(rates)) is not None:
@@ -207,14 +220,14 @@ def _about_the_middle(name: str) -> str:
     return f"map each axis, as by --map 'gx_dps=({name}-32768)/{COUNTS_PER_DPS}'"
 
 
-def _by_gravity(rates: Array, motion: Motion) -> str | None:
+def _by_gravity(rates: Array, t_s: Array, acc: Array) -> str | None:
     """The unit in which rates [n, 3] turn gravity as the accelerometer shows it; None where nothing turns it.
 
     Gravity at the end of a look is compared with gravity at its start, turned by the rates between in either unit, or not at
     all. Looks are those in which the readings are of a movement.
     """
-    good = np.isfinite(rates).all(axis=1) & np.isfinite(motion.acc).all(axis=1) & np.isfinite(motion.t_s)
-    t_s, rates, acc = motion.t_s[good], rates[good], motion.acc[good]
+    good = np.isfinite(rates).all(axis=1) & np.isfinite(acc).all(axis=1) & np.isfinite(t_s)
+    t_s, rates, acc = t_s[good], rates[good], acc[good]
     if t_s.size < 10 or t_s[-1] <= t_s[0]:
         return None
     step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
@@ -222,24 +235,69 @@ def _by_gravity(rates: Array, motion: Motion) -> str | None:
     mean = np.column_stack([np.convolve(column, np.ones(wide) / wide, "same") for column in acc.T])
     size = np.linalg.norm(mean, axis=1)
     steady = np.abs(size / np.median(size) - 1) < STEADY
-    moving = np.linalg.norm(rates - np.median(rates, axis=0), axis=1) > MOVING
     up = mean / np.maximum(size, 1e-12)[:, None]
     for look_s in LOOKS_S:
-        steps = max(1, round(look_s / step_s))
-        starts = np.arange(wide, max(wide, t_s.size - steps - wide))
-        starts = starts[moving[starts + steps // 2] & steady[starts] & steady[starts + steps]]
-        if starts.size < FEWEST_LOOKS * steps:  # looks overlap
+        starts, steps = _looks(rates, steady, look_s, step_s, wide)
+        if not starts.size:
             return None
-        starts = starts[:: max(1, starts.size * steps // MOST_STEPS)]
-        misfit = {unit: _misfit(up, rates * one * step_s, starts, steps) for unit, one in (("rad/s", 1.0), ("dps", 1 / RAD))}
-        best, other = sorted(misfit, key=lambda unit: misfit[unit])
+        misfit = {unit: _misfit(up, rates * one * step_s, starts, steps) for unit, one in RADIANS.items()}
         unturned = float(np.mean(np.sum((up[starts + steps] - up[starts]) ** 2, axis=1)))
-        if min(misfit[other], unturned) > CLEARLY * misfit[best]:
-            return best
+        if unit := _clearly(misfit, unturned):
+            return unit
     return None
 
 
-def _misfit(up: Array, turns_rad: Array, starts: Array, steps: int) -> float:
+def _looks(rates: Array, usable: Mask, look_s: float, step_s: float, edge: int) -> tuple[Index, int]:
+    """The first samples of the looks in which rates [n, 3] are of a movement, and their steps; no look if these are too few."""
+    moving = np.linalg.norm(rates - np.median(rates, axis=0), axis=1) > MOVING
+    steps = max(1, round(look_s / step_s))
+    starts = np.arange(edge, max(edge, len(rates) - steps - edge))
+    starts = starts[moving[starts + steps // 2] & usable[starts] & usable[starts + steps]]
+    if starts.size < FEWEST_LOOKS * steps:  # looks overlap
+        return starts[:0], steps
+    return starts[:: max(1, starts.size * steps // MOST_STEPS)], steps
+
+
+def _clearly(misfit: Mapping[str, float], unturned: float) -> str | None:
+    """The unit of the smallest mean square, if that of the other one, and of no turn at all, is clearly larger."""
+    best, other = sorted(misfit, key=lambda unit: misfit[unit])
+    return best if min(misfit[other], unturned) > CLEARLY * misfit[best] else None
+
+
+def _by_orientation(rates: Array, t_s: Array, turned: Array) -> str | None:
+    """The unit in which rates [n, 3] turn by the angles between orientations, unit quaternions [n, 4]; None if none does.
+
+    Angles are the same in each frame. Their median square is compared, because an orientation jumps where it is set anew.
+    """
+    good = np.isfinite(rates).all(axis=1) & np.isfinite(turned).all(axis=1) & np.isfinite(t_s)
+    t_s, rates, turned = t_s[good], rates[good], turned[good]
+    if t_s.size < 10 or t_s[-1] <= t_s[0]:
+        return None
+    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    for look_s in LOOKS_S:
+        starts, steps = _looks(rates, np.ones(t_s.size, dtype=bool), look_s, step_s, 0)
+        if not starts.size:
+            return None
+        cosine = np.abs(np.sum(turned[starts] * turned[starts + steps], axis=1))
+        angle = 2 * np.arccos(np.minimum(cosine, 1.0))
+        by_rates = {unit: _angles(rates * one * step_s, starts, steps) for unit, one in RADIANS.items()}
+        misfit = {unit: float(np.median((angle - by) ** 2)) for unit, by in by_rates.items()}
+        if unit := _clearly(misfit, float(np.median(angle**2))):
+            return unit
+    return None
+
+
+def _angles(turns_rad: Array, starts: Index, steps: int) -> Array:
+    """The angle, rad, of the rotation that turns [n, 3] add up to from each start on."""
+    from scipy.spatial.transform import Rotation
+
+    total = Rotation.from_rotvec(turns_rad[starts])
+    for k in range(1, steps):
+        total = total * Rotation.from_rotvec(turns_rad[starts + k])
+    return np.asarray(total.magnitude())
+
+
+def _misfit(up: Array, turns_rad: Array, starts: Index, steps: int) -> float:
     """The mean square of the distance of gravity's direction after some steps from where the turns [n, 3] bring it."""
     now = up[starts]
     for k in range(steps):
