@@ -24,7 +24,7 @@ NO_THRESHOLDS = {
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S", "QUARTERS",  # parts of a run
     "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search
-    "USUAL_RANGES_DPS",  # of parts on the market
+    "USUAL_RANGES_DPS", "NEXT_RANGES", "NEAR",  # of parts on the market, and ratios of these that a sentence names
     "WIDE",  # parts bands from lines, which are a percent wide
     "EXPECTED_SD_DPS", "EARTH_DPS", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth
     "FLAT", "SIZES_DPS", "TAUS_S", "SIZES", "TIMES_S", "GRID", "PILOT",  # priors, and grids over which a likelihood is computed

@@ -54,6 +54,22 @@ def test_a_log_by_hand_becomes_a_session_that_calibrates(
         assert abs(e.scale - scale) < 5 * e.scale_se
 
 
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [("0.5", "turns by 0.5 of the angles"), ("1.4", "turns by 1.4 of the angles"), ("0.017453", "give the unit when")],
+)
+def test_import_tells_rates_of_the_wrong_size(
+    factor: str, told: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Half the range that was set was told by compare alone, and a reader of the session had the rates by then."""
+    maps = [f"{text}*{factor}" if text.endswith("rad/s") else text for text in MAPS]
+    assert main(["import", str(log), str(tmp_path / "out"), "--gravity", *maps, "--json"]) == 0
+    (warning,) = [w for w in json.loads(capsys.readouterr().out)["warnings"] if w["code"] == "scale_implausible"]
+    assert told in warning["text"]
+    assert ("another range of the sensor" in warning["text"]) == (factor == "0.5")
+    assert warning["blocking"]
+
+
 def test_runs_added_to_a_session_by_gravity_need_no_rate_either(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["import", str(log), str(out), "--gravity", *MAPS]) == 0

@@ -262,11 +262,11 @@ def _save(found: "Imported", out: Path, append: bool, as_json: bool) -> None:
 
 
 def _checked(session: "Session") -> "list[Warning]":
-    """The warnings of a session, of one by gravity with what its rests lack."""
-    from gyrocal.gravity import rests
+    """The warnings of a session, of one by gravity with what its rests lack and the size of its rates."""
+    from gyrocal.gravity import checked
     from gyrocal.plausibility import check
 
-    return [*(rests.check(session) if session.reference.kind == "gravity" else []), *check(session)]
+    return [*(checked.check(session) if session.reference.kind == "gravity" else []), *check(session)]
 
 
 def _tell(found: "Imported", session: "Session", of_session: "list[Warning]", out: Path, as_json: bool) -> None:

@@ -15,7 +15,7 @@ from gyrocal.error_model.correction import turning_about
 from gyrocal.errors import InputError
 from gyrocal.gravity.accelerometer import Accelerometer, calibrate
 from gyrocal.gravity.rests import CHUNK_S, Movement, Rest, filled_acc_g, find
-from gyrocal.gravity.rotation import cumulative, steps
+from gyrocal.gravity.size_of_rates import path_of_turn, wrong_size
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning, accepted
@@ -26,6 +26,10 @@ LEAST_NOISE_DPS = 1e-6
 TREMBLES, SHRUNK = 4.0, 10.0
 """Rests whose variance exceeds the median by the first factor do not count in the sensor's own noise. In the noise of a rest's
 mean, the sensor's own noise has the weight of the second number of blocks."""
+
+
+class SmallRatesError(InputError):
+    """The readings turn by far less than gravity does."""
 
 
 @dataclass(frozen=True)
@@ -104,61 +108,18 @@ class Scene:
             session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings, acc_noise.of_sample
         )
         scene.refuse_small_rates()
-        scene.warnings.extend(accepted(scene.wrong_size_of_rates(), session.accept))
+        scene.warnings.extend(accepted(wrong_size(session, found.rests, found.movements, up), session.accept))
         return scene
 
     def refuse_small_rates(self) -> None:
-        """Raise InputError if the readings turn by far less than gravity, which no movement can, whatever its path."""
-        resting = np.array([rows.mean(axis=0) for rows in _readings_at(self.session, self.rests)])
-        parts = []
-        for m in self.movements:
-            run = self.session.runs[m.run]
-            gyro_dps = run.gyro_dps[m.start : m.stop] - (resting[m.before] + resting[m.after]) / 2
-            path_deg = float(np.linalg.norm(gyro_dps, axis=1) @ run.weights[m.start : m.stop]) * run.duration_s / len(run)
-            turned_deg = float(np.rad2deg(np.arccos(np.clip(self.up[m.before] @ self.up[m.after], -1.0, 1.0))))
-            if turned_deg > POLICY.clear_turn_deg:
-                parts.append(path_deg / turned_deg)
-        if parts and (part := float(np.median(parts))) < POLICY.least_path:
-            raise InputError(
+        """Raise SmallRatesError if the readings turn by far less than gravity, which no movement can, whatever its path."""
+        part = path_of_turn(self.session, self.rests, self.movements, self.turned_deg)
+        if part is not None and part < POLICY.least_path:
+            raise SmallRatesError(
                 f"the gyroscope turns by {part:.2g} of the angle that gravity turns between rests, and cannot turn by less "
                 "than all of it. If its readings are in rad/s, give the unit when importing (--map gx_dps=COLUMN:rad/s); if "
                 "they are raw counts, check the size of one count"
             )
-
-    def wrong_size_of_rates(self) -> list[Warning]:
-        """``scale_implausible`` where rates that are larger or smaller by one factor lead gravity from rest to rest.
-
-        It is looked for only where the rates as they are miss gravity by more than an implausible scale does, and told where
-        the best factor does not.
-        """
-        allowed_deg = POLICY.largest_scale * float(np.median(self.turned_deg))
-        if self._missed_deg(1.0) <= allowed_deg:
-            return []
-        factor, reach = 1.0, POLICY.largest_factor
-        count = 2 * int(np.ceil(np.log(reach) / np.log(1 + POLICY.largest_scale)))
-        for _ in range(2):
-            factors = factor * np.geomspace(1 / reach, reach, count + 1)
-            factor = float(min(factors, key=self._missed_deg))
-            reach = 1 + POLICY.largest_scale
-        if self._missed_deg(factor) > allowed_deg or abs(1 / factor - 1) <= POLICY.largest_scale:
-            return []
-        text = (
-            f"the gyroscope turns by {1 / factor:.2g} of the angles by which gravity turns between rests, and gyroscopes are "
-            "off by a few percent. Check its range, the size of one count (--lsb-dps when importing), and the samples a second"
-        )
-        return [Warning("scale_implausible", None, None, text, True)]
-
-    def _missed_deg(self, factor: float) -> float:
-        """The angle by which rates times a factor miss gravity after a movement, in the median movement, deg."""
-        resting = np.array([rest.gyro_dps for rest in self.rests])
-        each = []
-        for m in self.movements:
-            run, rows = self.session.runs[m.run], slice(m.start, m.stop)
-            rate_dps = factor * (run.gyro_dps[rows] - (resting[m.before] + resting[m.after]) / 2)
-            each.append(steps(np.deg2rad(rate_dps), run.sample_s[rows]))
-        ends = [way[-1] for way in cumulative(each)]
-        cosine = [self.up[m.before] @ end @ self.up[m.after] for m, end in zip(self.movements, ends, strict=True)]
-        return float(np.median(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))))
 
     @property
     def accelerometer_model(self) -> AccelerometerModel:

@@ -17,6 +17,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import STANDARD_GRAVITY, ColumnMap, Scaling
 from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.cut import Cut
+from gyrocal.recording.gravity_turns import LOOKS_S, MEAN_S, directions, looks, off_after
 from gyrocal.recording.range_end import in_rad_s
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
@@ -40,20 +41,11 @@ ACCELERATIONS = (("m/s2", STANDARD_GRAVITY), ("mg", 1e3), ("g", 1.0))
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
 LEAST_G = 0.2
 """Readings of a smaller size are accelerations without gravity."""
-LOOKS_S = (0.3, 1.0, 3.0)
-"""Times over which the turn of gravity is compared with that of the rates, s."""
-MEAN_S = 0.1
-"""Time over which accelerations are averaged, s."""
 VARIES = 2.0
 """Upper over lower quartile of the sizes of accelerations, from which on gravity is no more than the least of them: 1.1 to 1.6
 on feet, drones, robots and in hands, 4.5 to 5.1 at the rim of a wheel, 3.3 to 5.7 of a phone's acceleration without gravity."""
-STEADY = 0.15
-"""Accelerations whose size is off the median by a larger part show more than gravity."""
 MOVING = 0.2
 """Readings that are off their median by more than this are of a movement, in either unit of the readings."""
-FEWEST_LOOKS = 8
-MOST_STEPS = 200_000
-"""Samples that are integrated at most."""
 CLEARLY = 4.0
 """Ratio of the squared misfits of two units from which the smaller one is right."""
 OF_ONE_SIZE = 3.0
@@ -227,35 +219,25 @@ def _by_gravity(rates: Array, t_s: Array, acc: Array) -> str | None:
     all. Looks are those in which the readings are of a movement.
     """
     good = np.isfinite(rates).all(axis=1) & np.isfinite(acc).all(axis=1) & np.isfinite(t_s)
-    t_s, rates, acc = t_s[good], rates[good], acc[good]
-    if t_s.size < 10 or t_s[-1] <= t_s[0]:
+    rates, gravity = rates[good], directions(t_s[good], acc[good])
+    if gravity is None:
         return None
-    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
-    wide = max(1, round(MEAN_S / step_s))
-    mean = np.column_stack([np.convolve(column, np.ones(wide) / wide, "same") for column in acc.T])
-    size = np.linalg.norm(mean, axis=1)
-    steady = np.abs(size / np.median(size) - 1) < STEADY
-    up = mean / np.maximum(size, 1e-12)[:, None]
+    up = gravity.up
     for look_s in LOOKS_S:
-        starts, steps = _looks(rates, steady, look_s, step_s, wide)
+        steps = max(1, round(look_s / gravity.step_s))
+        starts = looks(_moving(rates), gravity.steady, steps, gravity.edge)
         if not starts.size:
             return None
-        misfit = {unit: _misfit(up, rates * one * step_s, starts, steps) for unit, one in RADIANS.items()}
+        turns = {unit: rates * one * gravity.step_s for unit, one in RADIANS.items()}
+        misfit = {unit: float(np.mean(off_after(up, turn, starts, steps))) for unit, turn in turns.items()}
         unturned = float(np.mean(np.sum((up[starts + steps] - up[starts]) ** 2, axis=1)))
         if unit := _clearly(misfit, unturned):
             return unit
     return None
 
 
-def _looks(rates: Array, usable: Mask, look_s: float, step_s: float, edge: int) -> tuple[Index, int]:
-    """The first samples of the looks in which rates [n, 3] are of a movement, and their steps; no look if these are too few."""
-    moving = np.linalg.norm(rates - np.median(rates, axis=0), axis=1) > MOVING
-    steps = max(1, round(look_s / step_s))
-    starts = np.arange(edge, max(edge, len(rates) - steps - edge))
-    starts = starts[moving[starts + steps // 2] & usable[starts] & usable[starts + steps]]
-    if starts.size < FEWEST_LOOKS * steps:  # looks overlap
-        return starts[:0], steps
-    return starts[:: max(1, starts.size * steps // MOST_STEPS)], steps
+def _moving(rates: Array) -> Mask:
+    return np.asarray(np.linalg.norm(rates - np.median(rates, axis=0), axis=1) > MOVING)
 
 
 def _clearly(misfit: Mapping[str, float], unturned: float) -> str | None:
@@ -275,7 +257,8 @@ def _by_orientation(rates: Array, t_s: Array, turned: Array) -> str | None:
         return None
     step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     for look_s in LOOKS_S:
-        starts, steps = _looks(rates, np.ones(t_s.size, dtype=bool), look_s, step_s, 0)
+        steps = max(1, round(look_s / step_s))
+        starts = looks(_moving(rates), np.ones(t_s.size, dtype=bool), steps)
         if not starts.size:
             return None
         cosine = np.abs(np.sum(turned[starts] * turned[starts + steps], axis=1))
@@ -295,18 +278,6 @@ def _angles(turns_rad: Array, starts: Index, steps: int) -> Array:
     for k in range(1, steps):
         total = total * Rotation.from_rotvec(turns_rad[starts + k])
     return np.asarray(total.magnitude())
-
-
-def _misfit(up: Array, turns_rad: Array, starts: Index, steps: int) -> float:
-    """The mean square of the distance of gravity's direction after some steps from where the turns [n, 3] bring it."""
-    now = up[starts]
-    for k in range(steps):
-        turn = turns_rad[starts + k]
-        angle = np.linalg.norm(turn, axis=1, keepdims=True)
-        axis = turn / np.maximum(angle, 1e-12)
-        along = axis * np.sum(axis * now, axis=1, keepdims=True)  # a body's turn moves what is fixed in space the other way
-        now = along + (now - along) * np.cos(angle) - np.cross(axis, now) * np.sin(angle)
-    return float(np.mean(np.sum((up[starts + steps] - now) ** 2, axis=1)))
 
 
 def _by_statement(rates: Array, motion: Motion | None, known: Known) -> str | None:
