@@ -96,13 +96,37 @@ def test_a_file_that_is_named_is_joined(tmp_path: Path) -> None:
         read_recording(gyroscope, Options(gravity=True, joined=[elsewhere]))
 
 
-def test_a_joined_file_without_a_header_is_told_what_it_needs(tmp_path: Path) -> None:
-    """``--columns`` names those of the gyroscope's file, and was advised though it was given."""
-    phone(tmp_path)
+def without_headers(folder: Path) -> list[str]:
+    """A phone's two files without their headers, and the options that name the columns of the first."""
+    phone(folder)
     for name in ("Gyroscope", "TotalAcceleration"):
-        file = tmp_path / f"{name}.csv"
+        file = folder / f"{name}.csv"
         file.write_text(file.read_text().partition("\n")[2])
-    options = Options(columns=["time", "gz", "gy", "gx"], joined=[tmp_path / "TotalAcceleration.csv"], gravity=True)
-    with pytest.raises(InputError, match=r"TotalAcceleration.*write the names of its columns into a line above") as told:
-        read_recording(tmp_path / "Gyroscope.csv", options)
-    assert "--columns" not in str(told.value)
+    return ["import", str(folder / "Gyroscope.csv"), str(folder / "out"), "--gravity", "--columns", "time,gz,gy,gx", "--json"]
+
+
+def test_a_joined_file_without_a_header_is_told_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """``--columns`` names those of the gyroscope's file, and was advised though it was given."""
+    args = without_headers(tmp_path)
+    assert main([*args, "--join", str(tmp_path / "TotalAcceleration.csv")]) == 2
+    told = capsys.readouterr().err
+    assert "TotalAcceleration.csv: no header" in told
+    assert "behind the file: --join FILE:time,ax,ay,az" in told
+    assert "--columns" not in told
+
+
+def test_the_columns_of_a_joined_file_stand_behind_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    args = without_headers(tmp_path)
+    assert main([*args, "--join", f"{tmp_path / 'TotalAcceleration.csv'}:time, az,ay,ax"]) == 0
+    assert "ay_g=TotalAcceleration.ay:m/s2" in json.loads(capsys.readouterr().out)["guessed"]
+    run = Session.open(tmp_path / "out").runs[0]
+    known = np.isfinite(run.acc_g).all(axis=1)
+    assert run.acc_g[known] == pytest.approx(gravity(T_S[known]) / 9.80665, abs=0.03)
+
+
+def test_a_colon_in_the_name_of_a_joined_file_is_of_the_name(tmp_path: Path) -> None:
+    folder = tmp_path / "14:30, desk"
+    phone(folder)
+    options = Options(gravity=True, joined=[folder / "TotalAcceleration.csv"])
+    run = read_recording(folder / "Gyroscope.csv", options).session.runs[0]
+    assert np.isfinite(run.acc_g).all(axis=1).mean() > 0.9

@@ -68,8 +68,11 @@ RefMap = Annotated[
     ),
 ]
 Join = Annotated[
-    list[Path] | None,
-    typer.Option("--join", metavar="FILE", help="A file of another sensor of the same recording, joined on time."),
+    list[str] | None,
+    typer.Option(
+        "--join", metavar="FILE[:a,b,c]",
+        help="A file of another sensor of the same recording, joined on time; names of all its columns where it has none.",
+    ),
 ]
 Gravity = Annotated[
     bool, typer.Option("--gravity", help="Turned by hand between rests: gravity is the reference, no rate is known.")

@@ -30,7 +30,8 @@ class Options:
     name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
     ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate. ``clock``:
     whether the reference has the clock of the sensor (``same``) or its ``own``. ``joined``: files of other sensors of the same
-    recording, whose columns are put onto the times of the gyroscope's. ``rates``: the table's true rates, deg/s, of a file that
+    recording, whose columns are put onto the times of the gyroscope's; ``FILE:a,b,c`` names all columns of one without a
+    header. ``rates``: the table's true rates, deg/s, of a file that
     is cut into its plateaus, each of which has the nearest one.
     """
 
@@ -50,7 +51,7 @@ class Options:
     resample_hz: float | None = None
     gravity: bool = False
     clock: str = "same"
-    joined: Sequence[Path] = ()
+    joined: Sequence[Path | str] = ()
     rates: Sequence[float] = ()
     needs_rate: bool = field(default=True, repr=False)
     """False for a log that is only corrected: no true rate is asked for, and none is looked for among its columns."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +30,24 @@ Read = Callable[[Path], Source]
 
 @dataclass(frozen=True)
 class Files:
-    """The files of one recording: that of the gyroscope, and those of other sensors."""
+    """The files of one recording: that of the gyroscope, and those of other sensors.
+
+    ``columns`` names all columns of files of others that have no header.
+    """
 
     gyroscope: Path
     others: tuple[Path, ...] = ()
+    columns: Mapping[Path, Sequence[str]] = field(default_factory=dict)
+
+
+def of_stated(gyroscope: Path, others: Sequence[Path | str]) -> Files:
+    """A recording whose other files were stated, each as ``FILE`` or with all of its columns, ``FILE:ax,ay,az,time``."""
+    named = {}
+    for text in map(str, others):
+        path, colon, names = text.rpartition(":")
+        stated = bool(colon) and "," in names and not Path(text).exists()
+        named[Path(path if stated else text)] = [name.strip() for name in names.split(",")] if stated else None
+    return Files(gyroscope, tuple(named), {path: names for path, names in named.items() if names})
 
 
 def recordings(files: Sequence[Path]) -> list[Files]:

@@ -57,10 +57,10 @@ def is_log(path: Path) -> bool:
     return data_file(path) != path or any(p.suffix.lower() in TABLES for p in path.iterdir())
 
 
-def files_of(path: Path, others: Sequence[Path] = ()) -> list[Files]:
+def files_of(path: Path, others: Sequence[Path | str] = ()) -> list[Files]:
     """The recordings in a file, or in a folder that is no ROS 2 bag; ``others`` are files that are joined to a file."""
     if not path.is_dir() or (path / BAG).is_file():
-        return [Files(path, tuple(others))]
+        return [joined.of_stated(path, others)]
     if others:
         raise InputError(f"--join: {path} is a folder; give the file of the gyroscope itself")
     found = sorted(p for p in path.iterdir() if p.suffix.lower() in TABLES)
@@ -134,7 +134,7 @@ def source_of(files: Files, names: Sequence[str] = (), options: Options = PLAIN)
 
     def one(path: Path) -> Source:
         if path != files.gyroscope:
-            return readers.read(path, option="")
+            return readers.read(path, columns=files.columns.get(path), option="--join " if options.joined else "")
         return readers.read(path, asked, options.columns, options.skip, options.topic)
 
     return with_whole_stamps(with_quaternion(joined.read(files, one, stated=bool(options.joined))))

@@ -24,6 +24,8 @@ ROWS_LOOKED_AT = 20
 BLANKS = "\n\0 "
 QUOTES = " \t\"'"
 SEPARATORS = ",\t;| "
+WITH_COLUMNS = ("--", "--ref-")
+"""What the options begin with of the files whose columns an option of their own names."""
 MARK = re.compile(r"^(?:#+(?!(?:N/A|DIV/0!|NAME\?|NULL!|NUM!|REF!|VALUE!))|%+|//+|;+)")
 """A mark of a comment at the beginning of a line. What a spreadsheet writes for an error begins with such a character too."""
 UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
@@ -70,7 +72,7 @@ class _Mismatch:
 
     def error(self, path: Path, option: str) -> InputError:
         """The refusal, which names the option that states the columns."""
-        advice = f"; correct the header, or name all columns in their order by {option}columns a,b,c"
+        advice = f"; correct the header, or {naming(option)}"
         return InputError(f"{path}: row {self.row + 1}: {self.why}{'' if DECIMAL_COMMAS in self.why else advice}")
 
 
@@ -93,7 +95,7 @@ def find(path: Path, lines: Sequence[str], names: Sequence[str], skip: int | Non
     where = "no line" if skip is None else f"row {skip + 1}"
     raise InputError(
         f"{path}: {where} names the columns {', '.join(dict.fromkeys(names))}; {_shown(lines, skip)} "
-        f"(other names: {option}map; no header: {option}columns a,b,c)"
+        f"(other names: {option if option in WITH_COLUMNS else '--'}map; no header: {naming(option)})"
     )
 
 
@@ -183,9 +185,18 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
         return HEXADECIMAL_CELLS
     if (row := _labelled(lines)) is not None and (labelled := re.search(LABELLED, lines[row])):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
-    if not option:
-        return "no header: write the names of its columns into a line above them, as time,ax,ay,az"
+    if option not in WITH_COLUMNS:
+        return f"no header: {naming(option)}"
     return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+
+
+def naming(option: str) -> str:
+    """How all columns of a file are named: a joined file by the option that gives it, one of a folder in the file itself."""
+    if option in WITH_COLUMNS:
+        return f"name all columns in their order by {option}columns a,b,c"
+    if option:
+        return f"name all columns in their order behind the file: {option}FILE:time,ax,ay,az"
+    return "write the names of its columns into a line above them, as time,ax,ay,az"
 
 
 def _why_json(lines: Sequence[str]) -> str:

@@ -211,7 +211,7 @@ def _of_other_width(path: Path, body: bytes, table: pl.DataFrame, layout: Layout
             raise InputError(f"{path}: row {layout.first + 1 + row}: {several}")
         raise InputError(
             f"{path}: row {layout.first + 1 + row}: {widths[row]} cells, and the table has {layout.width} in a row; {count} of "
-            f"{total} rows are so. Correct or delete these rows, or name all columns in their order by {option}columns a,b,c"
+            f"{total} rows are so. Correct or delete these rows, or {layouts.naming(option)}"
         )
     return odd
 
