@@ -1,5 +1,6 @@
 """Stamps of a host and uneven samples look alike; the readings of a moving sensor tell which they are."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from gyrocal.plausibility import check
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, read_recording
+from gyrocal.recording.stamped import even
 
 N = 6000
 TRUE_S = np.arange(N) / 100
@@ -132,3 +134,20 @@ def test_stamps_are_the_course_of_a_sampler_that_wanders(tmp_path: Path) -> None
     t_s, found = imported(tmp_path, np.round(true_s, 3), readings)
     assert "times" not in found.repaired
     assert np.ptp(t_s - true_s) < 0.0011
+
+
+@pytest.mark.parametrize("lost", [0, 40])
+def test_the_time_of_a_pause_holds_no_missing_samples(lost: int) -> None:
+    """A pause of minutes between two recordings was counted as thousands of missing samples, and told as a pause too."""
+    rng = np.random.default_rng(4)
+    number = np.concatenate([np.arange(600), 600 + lost + np.arange(600), 10_000 + np.arange(1000)])
+    packets_s = np.ceil(number / 4) * 0.08 + rng.uniform(0, 0.004, number.size // 4 + 1)[np.arange(number.size) // 4]
+    t_s = np.maximum.accumulate(packets_s)
+    readings = rng.normal(0, 1, (3, number.size))
+    _, warning = even(t_s, str, "a.csv", readings=list(readings))
+    assert warning is not None
+    found = re.search(r", (\d+) samples are missing beside 1 pause;", warning.text)
+    assert ("missing" in warning.text) == bool(lost)
+    if lost:
+        assert found is not None
+        assert int(found[1]) == pytest.approx(lost, abs=2)

@@ -10,8 +10,9 @@ import numpy as np
 from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
+from gyrocal.recording.pauses import pauses_of
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, rate_changes, regression, step_range_s
+from gyrocal.recording.stamps import course, in_bursts, lost, period_s, rate_changes, regression, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -209,7 +210,7 @@ def _gap_between_bursts(t_s: Array) -> bool:
 
 def _paused(run: Run, missing: int, part: str) -> str:
     """What to do with a run whose missing samples are those of pauses between recordings, in words; empty for any other run."""
-    pauses = _pauses(run.t_s)
+    pauses = pauses_of(run.t_s)
     steps_s = np.diff(run.t_s)
     parts = np.split(run.t_s, pauses + 1)
     beside = sum(lost(t_s, 1 / run.sample_rate_hz) for t_s in parts)
@@ -233,22 +234,6 @@ def _paused(run: Run, missing: int, part: str) -> str:
         f"{told}{missing + len(run)} ({part}). If the logger paused, make a run of each part (when importing: "
         f"{' '.join(runs)}{more}).{within} If samples were lost, read the sensor's FIFO or its data-ready signal"
     )
-
-
-def _pauses(t_s: Array) -> Index:
-    """The samples before the steps of times [n], s, that are longer than the shorter of the recordings beside them."""
-    steps_s = np.diff(t_s)
-    long = np.flatnonzero(steps_s > POLICY.pause_s)
-    while long.size:
-        edges = np.concatenate([[0], long + 1, [t_s.size]])
-        lasts_s, sizes = t_s[edges[1:] - 1] - t_s[edges[:-1]], np.diff(edges)
-        shorter_s, fewer = np.minimum(lasts_s[:-1], lasts_s[1:]), np.minimum(sizes[:-1], sizes[1:])
-        wrong = (steps_s[long] <= shorter_s) | (fewer < POLICY.pause_samples)
-        if not wrong.any():
-            return long
-        shortest = np.flatnonzero(wrong)[np.argmin(steps_s[long[wrong]])]
-        long = np.delete(long, shortest)
-    return long
 
 
 def _gap(run: Run) -> str:

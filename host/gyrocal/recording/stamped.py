@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.orientation import of_one_sign
+from gyrocal.recording.pauses import pauses_of
 from gyrocal.recording.stamps import (
     Array,
+    Index,
     Stamps,
     catch_up,
     goes_back,
@@ -24,6 +27,7 @@ from gyrocal.recording.stamps import (
     typical_step_s,
     without_repeats,
 )  # fmt: skip
+from gyrocal.units import number_of
 from gyrocal.warning import Warning
 
 LONGEST_S = 1e9
@@ -143,6 +147,14 @@ def _with_few_mended(t_s: Array, readings: Sequence[Array]) -> Array | None:
     return mended if right_times(mended, regression(mended), np.column_stack(readings)) == "stamps" else None
 
 
+def _missing_beside(number: Index, pauses: Index) -> int:
+    """Samples that are missing between those of these numbers [n], and not in the pauses or where packets still settle."""
+    counted = np.diff(number) - 1
+    for pause in pauses.tolist():
+        counted[max(0, pause - POLICY.pause_samples) : pause + POLICY.pause_samples] = 0
+    return int(counted.sum())
+
+
 def even(
     t_s: Array, where: Callable[[int], str], file: str,
     advice: Callable[[int], str] = lambda _: "delete what is not part of it",
@@ -187,7 +199,10 @@ def even(
             "put between their neighbours. Record the sensor's own time if you can",
         )  # fmt: skip
     what = f"{back}the times are " if back else what
-    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
+    pauses = pauses_of(stamps.t_s)
+    missing = _missing_beside(stamps.number, pauses)
+    beside = f" beside {number_of(pauses.size, 'pause')}" if pauses.size else ""
+    lost = f", {missing} samples are missing{beside}" if missing else ""
     return stamps.t_s, Warning(
         "sample_rate", None, file,
         f"{what}{round(1e3 * stamps.jitter_s, 3):.3g} ms rms off an even course of "
