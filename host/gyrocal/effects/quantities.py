@@ -38,6 +38,16 @@ RATE_WINDOW_S = 0.2
 """Time over which the slope of the true rate is computed, s. Encoders are noisy, and tables change their rate slowly."""
 LEAST_ACCELERATION_DPS_S = 0.5
 """A reference that changes by less than this (rms, deg/s) counts as a constant rate with encoder noise."""
+DECIMALS, EXACT_DPS = 7, 1e-9
+"""Decimals of readings that are looked at, and what the arithmetic adds to their rounding, deg/s."""
+FEWER_THAN_TWO = 1.5
+"""Gaps between readings that are shorter than this many of the shortest are of one step."""
+WITHIN_ROUNDING = 1.2
+"""Range, in the last decimals, of what readings may be off their multiples: rounding makes one, and the fitted step little."""
+NEARBY = 41
+"""Steps that are tried about the one by least squares."""
+FIRST_MULTIPLES, FEWEST_VALUES = 8, 16
+"""A step is fitted to so many of its multiples first, and to so many different readings at least."""
 
 
 def slope_squared(run: Run) -> Array | None:
@@ -315,11 +325,47 @@ def _filled(values: Array, t_s: Array) -> Array:
 
 
 def grid_dps(readings: Sequence[Array]) -> float:
-    """The step of which all readings [n] are whole multiples: the smallest gap between occurring values, deg/s."""
-    values = np.unique(np.round(np.concatenate(readings), 7))
+    """The step of which all readings [n] are whole multiples: the smallest gap between occurring values, deg/s.
+
+    A file that rounds its readings to a few decimals makes that gap too small or too large by its last digit. The step is then
+    that of which all readings are multiples within the rounding, if there is one.
+    """
+    values: Array = np.unique(np.round(np.concatenate(readings), DECIMALS)).astype(np.float64)
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-6]
-    return float(gaps.min()) if gaps.size else np.inf
+    if not gaps.size:
+        return np.inf
+    least_dps = float(gaps.min())
+    if np.all(np.abs(values - least_dps * np.rint(values / least_dps)) < EXACT_DPS):
+        return least_dps
+    return _rounded_grid_dps(values, gaps) or least_dps
+
+
+def _rounded_grid_dps(values: Array, gaps: Array) -> float | None:
+    """The step by whose multiples values [n] differ, within the last decimal to which all are rounded; None if there is none.
+
+    It is fitted near the middle value first, and with small multiples known to larger ones. Where an offset was subtracted
+    before the rounding, zero need not be among them.
+    """
+    decimals = next((d for d in range(DECIMALS) if np.all(np.abs(values - np.round(values, d)) < EXACT_DPS)), DECIMALS)
+    last_dps, from_middle = 10.0**-decimals, values - values[values.size // 2]
+    step_dps = float(np.mean(gaps[gaps < FEWER_THAN_TWO * (gaps.min() + last_dps)]))
+    if values.size < FEWEST_VALUES or step_dps < FEWER_THAN_TWO * last_dps:
+        return None
+    offset_dps, multiples, largest_dps = 0.0, FIRST_MULTIPLES, float(np.abs(from_middle).max())
+    while True:
+        some = from_middle[np.abs(from_middle) <= (multiples + 0.5) * step_dps]
+        whole = np.rint((some - offset_dps) / step_dps)
+        if np.ptp(whole) > 0:
+            step_dps, offset_dps = (float(c) for c in np.polyfit(whole, some, 1))
+        if multiples * step_dps >= largest_dps:
+            break
+        multiples *= 2
+    whole = np.rint((from_middle - offset_dps) / step_dps)
+    nearby = step_dps + np.linspace(-1, 1, NEARBY) * last_dps / max(1.0, float(np.abs(whole).max()))
+    ranges_dps = [float(np.ptp(from_middle - step * whole)) for step in nearby]  # rounding is not even where it meets halves
+    best = int(np.argmin(ranges_dps))
+    return float(nearby[best]) if ranges_dps[best] < WITHIN_ROUNDING * last_dps + EXACT_DPS else None
 
 
 def cosines(part: Array, count: int) -> Array:
