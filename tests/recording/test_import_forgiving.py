@@ -479,3 +479,22 @@ def test_a_time_that_stays_back_is_of_another_recording(tmp_path: Path) -> None:
     table.with_columns(t=written).write_csv(tmp_path / "log.csv")
     with pytest.raises(InputError, match=r"row 1002: time goes back by 8\.99 s, to another recording"):
         read(tmp_path / "log.csv")
+
+
+def test_a_second_file_is_put_onto_the_repaired_times_of_the_samples(tmp_path: Path) -> None:
+    """Stamps of whole seconds are replaced: at the stamps themselves the reference stood still within each second."""
+    u = np.arange(0, 60, 0.05)
+    angle_deg = 80 * np.sin(0.9 * u)
+    rate_dps = 72 * np.cos(0.9 * u)
+    noise = np.random.default_rng(5).normal(0, 0.1, (u.size, 2))
+    sensor = {"t": np.floor(u + 0.01), "x": noise[:, 0], "y": noise[:, 1], "z": rate_dps}
+    pl.DataFrame(sensor).write_csv(tmp_path / "imu.csv")
+    pl.DataFrame({"t": u[::2], "deg": angle_deg[::2]}).write_csv(tmp_path / "ref.csv")
+    second = SecondFile(tmp_path / "ref.csv", ["t_s=t", "ref_angle_deg=deg"])
+    found = read_recording(tmp_path / "imu.csv", Options(MAPS, second=second))
+    table = found.session.runs[0].table
+    t_s, angle = table["t_s"].to_numpy(), table["ref_angle_deg"].to_numpy()
+    known = np.isfinite(angle)
+    assert "sample_rate" in {w.code for w in found.warnings}
+    assert np.mean(known) > 0.9
+    assert np.allclose(angle[known], 80 * np.sin(0.9 * t_s[known]), atol=0.5)

@@ -29,7 +29,7 @@ from gyrocal.recording.register import later_by_s
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.restarts import advice, begins
 from gyrocal.recording.run import points_up
-from gyrocal.recording.second_file import SecondFile
+from gyrocal.recording.second_file import Motion, SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, check_rate_known, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
@@ -207,10 +207,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     _check_one_recording(source, mappings, table, options.cuts or [Cut("all")])
     if table.damage:
         warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
-    if options.second is not None:
-        start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
-        more = options.second.columns(table.columns["t_s"], start_s, options.scaling)
-        table = replace(table, columns={**table.columns, **more})
+    motion = _motion(options, source, mappings, table.columns["t_s"])
     stem = stem_of(path)
     labels = check_meta(labels_of(stem), str(path))
     left = {"table_rate_dps"} if options.gravity else set[str]()
@@ -231,14 +228,15 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     rests = 0
     if options.rates:
         cuts = plateaus.at_rates(source.label, table.columns, cuts[0], options.rates)
-    elif not options.cuts and options.needs_rate and not options.gravity and not has_reference(table.columns):
+    elif not options.cuts and options.needs_rate and not options.gravity and not (motion or has_reference(table.columns)):
         cuts = plateaus.cut(source.label, table.columns, cuts[0])
         rests = len(cuts) - 1
     cuts = [_since_power_on(cut, table, power_on_s) for cut in cuts]
     check_names_differ(cuts)
     evened: list[Warning] = []
     runs = [
-        _run(source, mappings, table, cut, number + i, axis, rate_hz, options, evened.append) for i, cut in enumerate(cuts)
+        _run(source, mappings, table, cut, number + i, axis, rate_hz, options, evened.append, motion)
+        for i, cut in enumerate(cuts)
     ]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened if w.code == "sample_rate"})
     hung = sum(w.code == "constant_reading" for w in evened)
@@ -253,6 +251,14 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     counts = {what: count for what, count in counts.items() if count}
     evened += [warning for run in runs if (warning := read_too_fast(run)) is not None]
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
+
+
+def _motion(options: Options, source: Source, mappings: Sequence[ColumnMap], t_s: Array) -> Motion | None:
+    """The reference of a second file, if there is one, on the clock of the samples, whose stamps are ``t_s`` [n], s."""
+    if options.second is None:
+        return None
+    start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
+    return options.second.motion(float(t_s[0]), float(t_s[-1]), start_s, options.scaling)
 
 
 def _check_one_recording(source: Source, mappings: Sequence[ColumnMap], table: Converted, cuts: Sequence[Cut]) -> None:
@@ -319,9 +325,9 @@ def _rate_and_unit(source: Source, mappings: Sequence[ColumnMap], table: Convert
 
 def _run(
     source: Source, mappings: Sequence[ColumnMap], table: Converted, cut: Cut, index: int, axis: str, rate_hz: float | None,
-    options: Options, warn: Callable[[Warning], None],
+    options: Options, warn: Callable[[Warning], None], motion: Motion | None,
 ) -> Run:  # fmt: skip
-    """One cut as a run, checked; its time starts at 0."""
+    """One cut as a run, checked; its time starts at 0. ``motion`` is the reference of a second file."""
     start = _place(table, cut.start, 0)
     end = _place(table, cut.end, table.size)
     if not 0 <= start < end <= table.size or end - start < 2:
@@ -329,16 +335,16 @@ def _run(
         raise InputError(f"{source.label}: run {cut.name}: {what}")
     columns = {name: values[start:end] for name, values in table.columns.items()}
     file = f"{cut.name}.csv"
-    t_s = columns["t_s"]
-    t_s = t_s - t_s[0] if t_s[0] else t_s
+    begin_s = float(columns["t_s"][0])
     columns["t_s"], warning = even(
-        t_s, lambda place: source.row(table.row(start + place)), file,
+        columns["t_s"] - begin_s if begin_s else columns["t_s"], lambda place: source.row(table.row(start + place)), file,
         lambda place: f"take the rows before it by --run NAME:{table.row(start)}:{table.row(start + place)}, or number the "
         "samples with --rate-hz and no t_s",
         [columns[name] for name in REQUIRED[1:] if name in columns],
     )  # fmt: skip
     if warning is not None:
         warn(warning)
+    columns |= motion.at(columns["t_s"] + begin_s) if motion else {}
     if options.needs_rate and not options.gravity and cut.meta.get("turn_deg") is None:
         columns, warning = without_hung(columns, file)
         if warning is not None:

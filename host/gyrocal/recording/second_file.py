@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -84,9 +84,9 @@ class SecondFile:
         columns = {m.target: source.numbers(m) for m in mappings}
         return typical_rate_dps(columns.pop("t_s"), columns) if "t_s" in columns else None
 
-    def columns(self, t_s: Array, start_s: float, scaling: Scaling) -> dict[str, Array]:
-        """The reference's columns at the sensor's times ``t_s`` [n], s, which count from ``start_s`` of its clock; [n], NaN
-        where there is none.
+    def motion(self, first_s: float, last_s: float, start_s: float, scaling: Scaling) -> Motion:
+        """What the file holds, on the sensor's clock, whose samples are from ``first_s`` to ``last_s``, which count from
+        ``start_s`` of that clock.
 
         With clock "own" times are taken as they are if both files overlap in time, and else as if both began together.
         """
@@ -103,14 +103,26 @@ class SecondFile:
         if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
             columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
         apart_s = source.start_s(by_target["t_s"]) - start_s
-        if apart_s + times[-1] < t_s[0] or apart_s + times[0] > t_s[-1]:
+        if apart_s + times[-1] < first_s or apart_s + times[0] > last_s:
             if self.clock == "same":
                 raise InputError(
                     f"{self.path}: its times do not overlap with the sensor's (it begins {apart_s:+.6g} s from them); if it "
                     "was stamped by another clock: --ref-clock own"
                 )
             apart_s = 0.0
-        return _at(t_s, times + apart_s + self.later_s, columns)
+        return Motion(times + apart_s + self.later_s, columns)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A reference's columns [k] at the times ``known_s`` [k], s, of the sensor's clock."""
+
+    known_s: Array
+    columns: Mapping[str, Array]
+
+    def at(self, t_s: Array) -> dict[str, Array]:
+        """The columns at times [n], s, at which samples were taken; NaN where there is no reference."""
+        return _at(t_s, self.known_s, dict(self.columns))
 
 
 def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
