@@ -217,3 +217,29 @@ def test_a_logger_that_takes_another_rate_is_told(rates: tuple[float, ...], jitt
     assert abs(float(named[3]) / rates[1] - 1) < 0.02
     assert abs(float(named[2]) - t_s[300]) < 1.5 / min(rates)
     assert bool(named[4]) == (len(rates) > 2)
+
+
+def polled(rng: np.random.Generator, hz: float, count: int) -> Array:
+    """Steps [count], s, of a program that samples when it comes to it, ``hz`` times a second in the mean."""
+    steps_s = rng.gamma(2.0, size=count) + 0.3
+    return np.asarray(steps_s / steps_s.mean() / hz)
+
+
+@pytest.mark.parametrize(
+    ("early_hz", "late_hz", "early"), [(75.0, 9.7, 2500), (380.0, 86.6, 600), (20.0, 60.0, 1000), (80.0, 65.0, 2000)]
+)
+def test_a_program_whose_steps_scatter_is_told_to_have_gone_over_to_another_rate(
+    early_hz: float, late_hz: float, early: int
+) -> None:
+    """A rate of 19 Hz was stated as sure for one of 75 Hz at first and 9.7 Hz later."""
+    rng = np.random.default_rng(3)
+    t_s = np.concatenate([[0.0], np.cumsum(np.concatenate([polled(rng, early_hz, early), polled(rng, late_hz, 1800)]))])
+    told = [w.text for w in check(pair(t_s, rate_hz=(t_s.size - 1) / t_s[-1], across=False)) if w.code == "sample_rate"]
+    if max(early_hz, late_hz) < 1.5 * min(early_hz, late_hz):
+        assert not told
+        return
+    named = re.search(r"took (\S+) samples a second up to (\S+) s, and (\S+) after that\.", told[0])
+    assert named is not None
+    assert float(named[1]) == pytest.approx(early_hz, rel=0.1)
+    assert float(named[3]) == pytest.approx(late_hz, rel=0.1)
+    assert abs(float(named[2]) - t_s[early]) < 20 / min(early_hz, late_hz)

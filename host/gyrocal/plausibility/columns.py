@@ -11,8 +11,9 @@ from gyrocal.digits import percentage
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.pauses import pauses_of
+from gyrocal.recording.scattered_rates import changes_of_rate
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.recording.stamps import course, in_bursts, lost, period_s, rate_changes, regression, step_range_s
+from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -153,7 +154,7 @@ def _sample_rate(session: Session) -> list[Warning]:
 
 def _changed_rate(session: Session, mistimed: Set[str | None]) -> list[Warning]:
     """``sample_rate`` of a logger that took another rate within a run. Times in the files of ``mistimed`` are wrong."""
-    changes = {r.file: () if {None, r.file} & mistimed else rate_changes(r.t_s) for r in session.runs}
+    changes = {r.file: () if {None, r.file} & mistimed else changes_of_rate(r.t_s) for r in session.runs}
     hit = [r for r in session.runs if changes[r.file]]
 
     def text(run: Run | None) -> str:
