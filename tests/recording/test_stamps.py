@@ -12,6 +12,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import import_recording, read_recording
+from gyrocal.recording.long_steps import misses_samples
 from gyrocal.recording.stamps import PART, goes_back, in_bursts, lost, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 from make_runs import make_run, make_session
@@ -354,3 +355,21 @@ def test_a_long_pause_of_a_program_s_loop_is_missing_samples() -> None:
     late = t_s + np.where(np.arange(4000) >= 3987, 0.1, 0.0)
     assert lost(late, interval_s) == pytest.approx(0.1 / interval_s, abs=1)
     assert not regression(late).even
+
+
+def test_a_poll_that_makes_up_for_long_steps_has_the_mean_rate_and_misses_nothing() -> None:
+    """Steps of 10.24 ms and every twentieth of 5.12 ms were 100.19 samples a second, and calibrate missed some."""
+    rng = np.random.default_rng(8)
+    steps_s = np.full(6000, 10.24e-3)
+    steps_s[rng.choice(steps_s.size, 290, replace=False)] = 5.12e-3
+    late = rng.choice(np.arange(1, steps_s.size - 1), 20, replace=False)
+    steps_s[late], steps_s[late + 1] = 15.8e-3, 4.68e-3
+    t_s = np.concatenate([[0.0], np.cumsum(steps_s + rng.normal(0, 5e-5, steps_s.size))])
+    true_s = float(t_s[-1]) / (t_s.size - 1)
+    assert period_s(t_s) == pytest.approx(true_s, rel=1e-4)
+    run = make_run(t_s, np.zeros((t_s.size, 3)), rate_hz=1 / true_s)
+    assert np.any(np.diff(t_s) > 1.5 * true_s)
+    assert not misses_samples(run)
+    paused = make_run(t_s + 0.2 * (t_s > 20), np.zeros((t_s.size, 3)), rate_hz=1 / true_s)
+    assert misses_samples(paused)
+    assert not misses_samples(paused, 2500)

@@ -27,7 +27,8 @@ from gyrocal.calibration.uncertainty import (
 )
 from gyrocal.policy import POLICY
 from gyrocal.recording.full_scale import at_full_scale
-from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
+from gyrocal.recording.long_steps import misses_samples
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
 
 EXPECTED_SD_DPS = 0.0448
@@ -59,7 +60,7 @@ def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) 
             flags.add("clipped")
         if (white_sd_dps or EXPECTED_SD_DPS) > 0.5 * step_dps and stands_still(y, run.t_us):
             flags.add("constant_reading")
-        if np.any(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS):
+        if misses_samples(run):
             flags.add("missed")
     return flags
 

@@ -21,7 +21,8 @@ from gyrocal.gravity.fit import CROSS, GravityFit, fit, full
 from gyrocal.gravity.scales import unseen
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, GAP_PERIODS, Session
+from gyrocal.recording.long_steps import misses_samples
+from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning
 
 
@@ -129,8 +130,7 @@ def _flags(fitted: GravityFit, axis: str) -> set[str]:
         flags.add("misfit")
     for m in fitted.scene.movements:
         run = fitted.scene.session.runs[m.run]
-        us = np.diff(run.t_us[m.start : m.stop])
-        if np.any(1e-6 * (us * run.sample_rate_hz) > GAP_PERIODS):
+        if misses_samples(run, m.start, m.stop):
             flags.add("missed")
         if stands_still(run.gyro_dps[m.start : m.stop, AXES.index(axis)], run.t_us[m.start : m.stop]):
             flags.add("constant_reading")

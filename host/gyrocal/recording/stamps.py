@@ -335,7 +335,7 @@ def _with_pauses(t_s: Array) -> tuple[Index, float]:
     Only the samples of a long pause are counted as missing, and none that comes soon after it: it may have waited.
     """
     steps = np.diff(t_s)
-    interval_s = _mean_step_s(steps)
+    interval_s = float(np.mean(steps[steps <= PAUSE * _mean_step_s(steps)]))  # with the long ones that a short one makes up for
     missing = np.zeros(t_s.size, dtype=np.intp)
     for i in np.flatnonzero(steps > PAUSE * interval_s).tolist():
         after = min(i + round(float(steps[i]) / interval_s), t_s.size - 1)
