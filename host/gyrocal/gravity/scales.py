@@ -10,11 +10,14 @@ from gyrocal.warning import Warning
 
 
 def unseen(fitted: GravityFit, largest_se: float) -> list[Warning]:
-    """``no_answer``: a warning for each axis whose scale the movements leave unsure by more than ``largest_se``."""
+    """``no_answer``: a warning for each axis whose scale the movements leave unsure by more than ``largest_se``.
+
+    A scale that no gyroscope has is unsure where ``calibrate`` would not state it.
+    """
     out = []
     for axis in AXES:
-        _, se = _scale(fitted, axis)
-        if se > largest_se:
+        scale, se = _scale(fitted, axis)
+        if se > largest_se or (se > POLICY.unseen and abs(scale) > POLICY.largest_scale):
             text = (
                 f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
                 f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "
@@ -25,11 +28,15 @@ def unseen(fitted: GravityFit, largest_se: float) -> list[Warning]:
 
 
 def implausible(fitted: GravityFit) -> list[Warning]:
-    """``scale_implausible``: fitted scales that no gyroscope has, beyond what their errors explain."""
+    """``scale_implausible``: fitted scales that no gyroscope has, beyond what their errors and the misfit explain.
+
+    A scale that ``calibrate`` would not state, because the movements do not determine it, accuses nothing.
+    """
     out = []
     for axis in AXES:
         scale, se = _scale(fitted, axis)
-        if abs(scale) > POLICY.largest_scale + POLICY.implausible_errors * se:
+        errors = POLICY.implausible_errors * se * max(1.0, fitted.misfit)
+        if se <= POLICY.unseen and abs(scale) > POLICY.largest_scale + errors:
             text = (
                 f"the movements give {axis} a scale error of {scale:+.0%}; gyroscopes have a few percent. Check the range, the "
                 "size of one count (--lsb-dps when importing) and the samples a second, and that the sensor lay still between "
