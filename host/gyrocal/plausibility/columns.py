@@ -13,7 +13,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.pauses import pauses_of
 from gyrocal.recording.scattered_rates import changes_of_rate
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.recording.stamps import Index, course, in_bursts, lost, period_s, regression, step_range_s
+from gyrocal.recording.stamps import course, in_bursts, lost, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
