@@ -8,7 +8,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.diagnose import diagnose
 from gyrocal.diagnosis.naming.candidate import Candidate, Decision
-from gyrocal.diagnosis.naming.decision import meets
+from gyrocal.diagnosis.naming.decision import has_size, meets
 from gyrocal.diagnosis.naming.gains import total
 from gyrocal.diagnosis.naming.rivals import with_groups, with_suggested_groups
 from gyrocal.diagnosis.naming.sets import fitted_together
@@ -73,6 +73,14 @@ def test_beside_an_effect_that_is_itself_larger_than_usual_a_rival_of_any_size_i
     for k_dps_per_s, group in ((5e-4, ("drift",)), (9e-3, ("drift", "thermal_lag"))):
         line = replace(candidate("drift", "add", [5.0, 6.0, 5.5], 1), values={"k_dps_per_s": k_dps_per_s})
         assert with_groups([line, slope])[0].group == group
+
+
+def test_what_is_named_beside_sure_names_differs_from_zero() -> None:
+    """Readings that jumps had spoiled named a drift of -1.8 +- 0.8 mdps/s beside them, with a gain of 20 +- 14."""
+    drift = candidate("drift", "suggest", [20.0], 1)
+    for se, sized in ((8e-4, False), (6e-4, True), (0.0, True)):
+        assert has_size(replace(drift, values={"k_dps_per_s": -1.8e-3}, se={"k_dps_per_s": se})) is sized
+    assert has_size(replace(candidate("saturation", "suggest", [20.0], 1), values={"full_scale_dps": 250.0}))
 
 
 def test_suggestions_of_one_shape_are_shown_together_where_nothing_passes() -> None:

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
-from gyrocal.diagnosis.naming.decision import evident_gain, in_range, meets, proven, sure_gain
+from gyrocal.diagnosis.naming.decision import evident_gain, has_size, in_range, meets, proven, sure_gain
 from gyrocal.diagnosis.naming.explained import explained
 from gyrocal.diagnosis.naming.gains import held_out_gain, total
 from gyrocal.diagnosis.naming.judge import judge
@@ -75,6 +75,7 @@ def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparis
     """Those of ``others`` that still gain with the ``sure`` ones of their axis in the model, with their values beside them.
 
     The evidence of sets has weighed them together. Alone they may gain nothing, because the error of the sure ones is larger.
+    What those describe badly, such as readings that a jump spoiled, can gain too, but has no size beyond its error.
     """
     current = Current.of(comparison, sure[0].axis)
     for c in sure:
@@ -83,7 +84,7 @@ def beside_sure(sure: Sequence[Candidate], others: Sequence[Candidate], comparis
     for c in others:
         again = judge(current, c.effect)
         held_out = again.gain is None or evident_gain(again)
-        if not again.values or again.contradicted or not in_range(again) or not held_out:
+        if not again.values or again.contradicted or not in_range(again) or not held_out or not has_size(again):
             continue
         known.append(c.effect.id)
         current = current.with_effect(c.effect, again.values)

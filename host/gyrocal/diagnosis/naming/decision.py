@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from gyrocal import tails
 from gyrocal.diagnosis.naming.candidate import Candidate, number_tested
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
@@ -118,6 +119,12 @@ def sure_gain(c: Candidate) -> bool:
 def evident_gain(c: Candidate) -> bool:
     """True if the held-out gain is large enough for a name that the evidence of sets alone gives, or the tests alone."""
     return c.gain is not None and c.gain >= POLICY.evident_gain
+
+
+def has_size(c: Candidate) -> bool:
+    """True if one of its coefficients differs from zero by more than chance, within the whole error that is told with it."""
+    told = [(abs(c.values[name]), c.se.get(name, 0.0)) for name in c.effect.coding.used(c.values) if name in c.values]
+    return not told or any(se <= 0 or 2 * tails.normal(size / se) < POLICY.name_alarm for size, se in told)
 
 
 def usual(candidate: Candidate) -> bool:
