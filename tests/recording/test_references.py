@@ -148,6 +148,20 @@ def test_jumps_are_told_and_left_out() -> None:
     np.testing.assert_allclose(run.about("x").rate_dps[230:380], motion(T_S[:400])[230:380, 0], atol=0.3)
 
 
+def test_steps_of_a_coarse_angle_are_no_jumps_whatever_the_stamps() -> None:
+    """Steps were scaled to the usual time before their count was looked for: each was a jump, and nothing moving was left."""
+    rng = np.random.default_rng(5)
+    t_s = np.cumsum(rng.normal(0.005, 2e-4, 800))
+    true_deg = 16 * (1 - np.cos(2 * np.pi * np.clip(t_s - 0.5, 0, None) / 3))
+    gyro = np.outer(np.gradient(true_deg, t_s), [0, 0, 1]) + rng.normal(0, 0.1, (800, 3))
+    for count_deg in (1.0, 0.1):
+        seen = np.floor(true_deg / count_deg) * count_deg
+        (run,) = make_session(make_run(t_s, gyro, table_rate_dps=None, ref_angle_deg=seen)).runs
+        assert run.measured_rates is not None
+        assert run.measured_rates.jumps == 0
+        assert run.measured_rates.known.mean() > 0.9
+
+
 def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     rng = np.random.default_rng(8)
     ref = motion(T_S)

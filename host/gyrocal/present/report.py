@@ -265,17 +265,17 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
         where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
-        suggested = unproven(d)
-        if suggested:
-            ids = " or ".join(called(c.effect.id) for c in suggested)
-            proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
-            return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
-        if (large := too_large(d)) is not None:
+        suggested, large = unproven(d), too_large(d)
+        if large is not None and (large.gain or 0.0) > max((c.gain or 0.0 for c in suggested), default=float("-inf")):
             return (
                 f"Something is there {where}. It has the course of {called(large.effect.id)} ({sizes(large)}), but is more "
                 f"than {POLICY.range_factor:g} times the largest size that is usual, so that it is not named. Check the rates "
                 "and units that session.toml states."
             )
+        if suggested:
+            ids = " or ".join(called(c.effect.id) for c in suggested)
+            proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
+            return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         if d.comparison.where[0].of_sets:
             return f"Something is there {where}. This session cannot prove what it is."
         return f"Something is there that no effect of the library explains: {where}."

@@ -100,7 +100,7 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     rates, left_deg, steady, error, of_angle = np.full((5, t_s.size, steps_deg.shape[1]), np.nan)
     steps_s = np.diff(measured_s)
     usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
-    jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
+    jumped = jumps(steps_deg, usual_s / steps_s)
     cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
     pieces = [p for p in np.split(np.arange(rows.size), cuts) if p.size > 2 * TRIMMED]
     times_s = [measured_s[p] for p in pieces]

@@ -51,14 +51,15 @@ def turned_deg(quaternion: Array, label: str) -> Array:
     return np.asarray(np.rad2deg(imaginary * (angle / np.maximum(sine, 1e-300))[:, None]))
 
 
-def jumps(turned: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def jumps(turned: Array, times: Array | float = 1.0) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """True for the steps [n - 1, k] in which the reference jumped: a marker was exchanged, a tracker found itself again.
 
-    A coarse angle is compared where it moves, and a count or two more are no jump.
+    A coarse angle is compared where it moves, and a count or two more are no jump. ``times`` [n - 1] is what each step is to be
+    multiplied by to be that of the usual time.
     """
     size, count = np.linalg.norm(turned, axis=1), count_deg(turned)
     moves = np.flatnonzero(size > 0) if count else np.arange(size.size)
-    known, out = size[moves], np.zeros(size.size, dtype=bool)
+    known, out = (size * times)[moves], np.zeros(size.size, dtype=bool)
     if known.size < 2 * BESIDE:
         return out
     padded = np.pad(known, BESIDE, mode="edge")
