@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.recording.hung import read_too_fast
+from gyrocal.recording.hung import read_too_fast, repeated
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
 from make_runs import make_run
@@ -62,3 +62,17 @@ def test_import_tells_it(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "log.csv", rows, fmt="%.6f", delimiter=",", header="t,gx_dps,gy_dps,gz_dps", comments="")
     found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0, "face": "up"}))
     assert [(w.code, w.file) for w in found.warnings] == [("sample_rate", found.session.runs[0].file)]
+
+
+def test_a_coarse_sensor_that_hung_is_left_out_too() -> None:
+    """Coarse readings often repeat by themselves, in short stretches: those of a hundred samples were kept."""
+    t_s = np.arange(4000) / 100.0
+    readings = at_rest(1.0, 1.0)
+    for first in (700, 1000, 3000, 3700):
+        readings[first : first + 100] = readings[first]
+    assert np.mean(np.all(np.diff(readings[1200:2900], axis=0) == 0, axis=1)) > 0.015
+    hung = repeated(t_s, list(readings.T))
+    assert np.flatnonzero(np.diff(hung.astype(int)) == 1).tolist() == [700, 1000, 3000, 3700]
+    assert hung.sum() >= 4 * 99
+    still = COUNT_DPS * np.rint(np.random.default_rng(6).normal(0.0, 0.12, (4000, 3)))
+    assert not repeated(t_s, list(still.T)).any()

@@ -18,6 +18,8 @@ LEAST_S, LEAST_SAMPLES = 0.5, 40
 """Shortest such stretch, as of the warning ``constant_reading``."""
 SELDOM = 0.02
 """Part of the other readings that repeat the one before on every axis, above which repeating is usual."""
+SHORT_SAMPLES = 5
+"""Longest other stretch of readings that are usually repeated, as coarse ones are, beside which those of a hung sensor stand out."""
 OFTEN = 0.05
 """Part of the readings that repeat the one before, beyond chance, from which on the sensor is read faster than it samples."""
 CHANCE_LAGS = range(64, 72)
@@ -35,8 +37,9 @@ def repeated(t_s: Array, readings: Sequence[Array]) -> np.ndarray[Any, np.dtype[
     for first, length in zip(*stretches(same), strict=True):
         if length >= LEAST_SAMPLES and t_s[first + length - 1] - t_s[first - 1] >= LEAST_S:
             hung[first : first + length] = True
-    others = same[~hung]
-    return hung if others.size and float(np.mean(others)) < SELDOM else np.zeros(t_s.size, dtype=bool)
+    others = same & ~hung
+    seldom = not hung.all() and float(np.mean(others[~hung])) < SELDOM
+    return hung if seldom or max(stretches(others)[1], default=0) <= SHORT_SAMPLES else np.zeros(t_s.size, dtype=bool)
 
 
 def without_hung(columns: dict[str, Array], file: str) -> tuple[dict[str, Array], Warning | None]:
