@@ -12,6 +12,7 @@ from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
+from gyrocal.recording.plateaus import find
 from gyrocal.recording.session import Session
 from real_recordings import recording
 
@@ -148,3 +149,20 @@ def test_runs_that_are_cut_from_one_file_have_their_own_time_since_power_on(tmp_
     cuts = ["--run", "a:0:1000", "--run", "b:25s:40s", "--run", "c:45s:55s:power_on_s=7"]
     assert main(["import", str(path), str(tmp_path / "out"), "--rate", "0", "--power-on-s", "3", *cuts]) == 0
     assert [run.power_on_s for run in Session.open(tmp_path / "out").runs] == [3.0, 28.0, 7.0]
+
+
+def test_a_table_that_shakes_at_high_rates_and_one_that_wobbles_has_plateaus_there() -> None:
+    """At 361 to 723 dps the other axes wobble by 1 to 2 dps with the table, and the motor shakes at 120 to 240 dps."""
+    rng = np.random.default_rng(2)
+    rates, shakes = (60.0, 120.0, 240.0, 360.0, 540.0, 720.0, 0.0), (2.0, 8.0, 14.0, 6.0, 3.0, 0.4, 0.05)
+    parts = []
+    for k, (rate, sd) in enumerate(zip(rates, shakes, strict=True)):
+        ramp = np.linspace(rates[k - 1] if k else 0.0, rate, HZ)
+        parts.append(np.column_stack([np.concatenate([ramp, np.full(8 * HZ, rate)]), np.r_[np.zeros(HZ), np.full(8 * HZ, sd)]]))
+    rate_dps, sd = np.concatenate(parts).T
+    t_s = np.arange(rate_dps.size) / HZ
+    wobble = rate_dps * 0.002 * np.sin(2 * np.pi * 0.9 * t_s)
+    gyro = [wobble, rate_dps * (1 + 1e-3 * np.sin(t_s)) + rng.normal(0, 1, t_s.size) * sd, -wobble + rng.normal(0, 0.1, t_s.size)]
+    found = [p for p in find(t_s, gyro) if p.stop_s - p.start_s > 2]
+    assert [round(p.mean_dps[1]) for p in found] == pytest.approx(rates, abs=1.5)
+    assert all(p.stop_s - p.start_s > 7.4 for p in found)

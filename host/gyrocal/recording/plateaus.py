@@ -63,8 +63,10 @@ def find(t_s: Array, gyro_dps: Sequence[Array]) -> list[Plateau]:
     if count < 4:
         return []
     means, bends = (np.column_stack(found) for found in zip(*(_windows(axis, size, count) for axis in gyro_dps), strict=True))
-    noise = np.sqrt(np.median(bends, axis=0) / 6 / size)
-    allowed = np.maximum(STEP_DPS, STEP_ERRORS * noise) + STEP_PART * np.abs(means[1:])
+    local = np.minimum(bends[1:], bends[:-1])  # a motor shakes a faster table more, and at a change of the rate one window tells
+    noise = np.sqrt(np.maximum(np.median(bends, axis=0), local) / 6 / size)
+    turning = np.abs(means[1:]).max(axis=1, keepdims=True)  # other axes wobble with it
+    allowed = np.maximum(STEP_DPS, STEP_ERRORS * noise) + STEP_PART * turning
     joined = np.all(np.abs(np.diff(means, axis=0)) < allowed, axis=1)
     found = []
     for first, last in _groups(joined, means, allowed):
@@ -127,9 +129,13 @@ def at_rates(label: str, columns: Mapping[str, Array], whole: Cut, rates_dps: Se
     used = {cut.meta["table_rate_dps"] for cut in cuts}
     unused = [rate for rate in rates_dps if rate not in used and rate != 0]
     if unused or not cuts:
-        read = ", ".join(_read(found)) or "none but rests"
+        read = ", ".join(_read(found))
         missed = f"{unused[0]:g} dps" if unused else "any rate"
-        raise InputError(f"{label}: --rates: no plateau of {LEAST_S:g} s or more is at {missed}; there are plateaus at {read}")
+        where = f"there are plateaus at {read}" if read else "none is found"
+        raise InputError(
+            f"{label}: --rates: no plateau of {LEAST_S:g} s or more is at {missed}; {where}. Where readings vary slowly within a "
+            "plateau it is not found: cut the file by --run"
+        )
     return cuts
 
 
