@@ -162,7 +162,8 @@ def test_a_table_that_shakes_at_high_rates_and_one_that_wobbles_has_plateaus_the
     rate_dps, sd = np.concatenate(parts).T
     t_s = np.arange(rate_dps.size) / HZ
     wobble = rate_dps * 0.002 * np.sin(2 * np.pi * 0.9 * t_s)
-    gyro = [wobble, rate_dps * (1 + 1e-3 * np.sin(t_s)) + rng.normal(0, 1, t_s.size) * sd, -wobble + rng.normal(0, 0.1, t_s.size)]
+    shaken_dps = rate_dps * (1 + 1e-3 * np.sin(t_s)) + rng.normal(0, 1, t_s.size) * sd
+    gyro = [wobble, shaken_dps, -wobble + rng.normal(0, 0.1, t_s.size)]
     found = [p for p in find(t_s, gyro) if p.stop_s - p.start_s > 2]
     assert [round(p.mean_dps[1]) for p in found] == pytest.approx(rates, abs=1.5)
     assert all(p.stop_s - p.start_s > 7.4 for p in found)

@@ -377,6 +377,29 @@ def test_inverted_orientations_block_and_are_told(change: Callable[[Array], Arra
     assert "only if its orientations are inverted" in warning.text
 
 
+def one_axis_at_a_time(together: float) -> tuple[Array, Array]:
+    """Body rates [n, 3] and orientations [n, 4] of turns about x, y, z in turn from one position, and ``together`` deg more."""
+    t_s = np.arange(0, 60, 1 / RATE_HZ)
+    angles = np.array([80 * np.sin(0.314159 * np.clip(t_s - start, 0, 20)) ** 2 for start in (0, 20, 40)]).T
+    angles[:, 2] += together * np.sin(2 * np.pi * t_s / 15)
+    turned = Rotation.from_euler("XYZ", angles, degrees=True)
+    rate = np.rad2deg((turned[:-1].inv() * turned[1:]).as_rotvec()) * RATE_HZ
+    between = np.column_stack([np.interp(t_s, t_s[:-1] + 0.5 / RATE_HZ, column) for column in rate.T])
+    return between, turned.as_quat()[:, [3, 0, 1, 2]]
+
+
+@pytest.mark.parametrize(("together", "code"), [(0.0, "sign_flipped"), (6.0, "reference_unrelated")])
+def test_inverted_orientations_of_turns_about_one_axis_at_a_time_are_told(together: float, code: str) -> None:
+    """A robot's orientations turn the fixed frame to the body: the advice was to negate or exchange columns."""
+    gyro, q = one_axis_at_a_time(together)
+    gyro = gyro + np.random.default_rng(1).normal(0, 0.05, gyro.shape)
+    told = [w for w in references.check(with_reference(gyro, **orientation(q * [1.0, -1.0, -1.0, -1.0]))) if w.blocking]
+    assert [w.code for w in told] == [code]
+    assert "negate three of them" in told[0].text
+    right = references.check(with_reference(gyro, **orientation(q)))
+    assert not [w for w in right if w.blocking]
+
+
 def test_a_gap_in_the_orientations_changes_no_slope() -> None:
     """What lies in the gap is on a straight line, which the readings do not follow."""
     q = quaternions(T_S)

@@ -15,12 +15,17 @@ from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import QUATERNION, RATES
 from gyrocal.recording.register import registered
-from gyrocal.recording.registration import Lost, Registration
+from gyrocal.recording.registration import Lost, Registration, RegistrationFit
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.recording.stretches import stretches
 from gyrocal.warning import Warning
 
+INVERTED = (
+    "the reference shows the motion of the readings only if its orientations are inverted. If its columns are in the order x, "
+    "y, z, w, map ref_qw to the last of them; if they turn the fixed frame to the body, negate three of them "
+    "(--map ref_qx=qx*-1, and likewise ref_qy and ref_qz)"
+)
 TOLD = 5
 """Times of stretches that a warning lists."""
 
@@ -42,13 +47,8 @@ def check(session: Session) -> list[Warning]:
     fit = registered(session).registration_fit
     if fit is None:
         return out
-    if fit.left > POLICY.inverted_part and _inverse_left(session) < POLICY.inverted_part * fit.left:
-        text = (
-            "the reference shows the motion of the readings only if its orientations are inverted. If its columns are in the "
-            "order x, y, z, w, map ref_qw to the last of them; if they turn the fixed frame to the body, negate three of them "
-            "(--map ref_qx=qx*-1, and likewise ref_qy and ref_qz)"
-        )
-        return [*out, Warning("reference_unrelated", None, None, text, True)]
+    if _is_inverted(session, fit):
+        return [*out, Warning("reference_unrelated", None, None, INVERTED, True)]
     if fit.left > POLICY.unrelated_part and fit.readings_dps > POLICY.unrelated_dps:
         text = (
             f"the reference does not show the motion of the readings: at its best offset, turned to fit best, it explains "
@@ -59,11 +59,7 @@ def check(session: Session) -> list[Warning]:
     out += map(_lost, fit.lost)
     out += _hardly_turned(registered(session))
     if fit.mirrored:
-        text = (
-            "the readings follow the reference only as a mirror image: an axis of the sensor or of the reference has the wrong "
-            "sign, or two are exchanged. Negate or exchange columns when importing, so that both frames are right-handed"
-        )
-        out.append(Warning("sign_flipped", None, None, text, True))
+        out.append(_mirrored(session, fit))
     if fit.alternatives_s and fit.left <= POLICY.unrelated_part:
         offset_s = fit.registration.offset_s
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)
@@ -118,19 +114,47 @@ def _stretches(starts_s: Array) -> str:
     return f"{'one stretch' if starts_s.size == 1 else f'{starts_s.size} stretches'} (at {at_s} s)"
 
 
-def _inverse_left(session: Session) -> float:
-    """Part of the readings' power that inverted orientations leave; infinite if the reference has none."""
+def _is_inverted(session: Session, fit: RegistrationFit) -> bool:
+    """True if inverted orientations show the motion of the readings, and the reference as it is does not."""
+    if fit.left <= POLICY.inverted_part:
+        return False
+    found = _of_inverse(session)
+    return found is not None and found.left < POLICY.inverted_part * fit.left
+
+
+def _mirrored(session: Session, fit: RegistrationFit) -> Warning:
+    """``sign_flipped`` of a reference that is a mirror image, or ``reference_unrelated`` where it is inverted instead.
+
+    Where the sensor turns about one axis at a time from one position, the inverse of its orientations is the mirror image.
+    """
+    text = (
+        "the readings follow the reference only as a mirror image: an axis of the sensor or of the reference has the wrong "
+        "sign, or two are exchanged. Negate or exchange columns when importing, so that both frames are right-handed"
+    )
+    inverse = _of_inverse(session)
+    if inverse is None or inverse.mirrored or inverse.left > max(fit.left, POLICY.inverted_part):
+        return Warning("sign_flipped", None, None, text, True)
+    if inverse.left < POLICY.inverted_image * fit.left:
+        return Warning("reference_unrelated", None, None, INVERTED, True)
+    text += (
+        ". Inverted orientations show the motion without a mirror: if they turn the fixed frame to the body, negate three of "
+        "them instead (--map ref_qx=qx*-1, and likewise ref_qy and ref_qz)"
+    )
+    return Warning("sign_flipped", None, None, text, True)
+
+
+def _of_inverse(session: Session) -> RegistrationFit | None:
+    """The fit of the reference with inverted orientations; None if it has none."""
     if any(run.column(QUATERNION[0]) is None or run.column(RATES[0]) is not None for run in session.runs):
-        return float("inf")
+        return None
     runs = (
         replace(run, frame=run.table.with_columns(-pl.col(QUATERNION[1:])), registration=Registration(), lost=None)
         for run in session.runs
     )
     try:
-        fit = registered(replace(session, runs=tuple(runs), registration_fit=None)).registration_fit
+        return registered(replace(session, runs=tuple(runs), registration_fit=None)).registration_fit
     except InputError:
-        return float("inf")
-    return float("inf") if fit is None else fit.left
+        return None
 
 
 def _lost(found: Lost) -> Warning:

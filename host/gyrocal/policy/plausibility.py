@@ -130,6 +130,11 @@ class Plausibility:
         smaller="inverted orientations of a motion with large errors are not recognised",
         chosen_by="pytest tests/recording/test_references.py: inverted orientations leave 0.4, right ones a millionth",
     )  # fmt: skip
+    inverted_image: float = threshold(
+        0.5, "part of what a mirrored reference leaves of the readings' power that its inverse may leave to be the cause of it",
+        larger="columns with a wrong sign are taken for inverted orientations", smaller="both causes are named more often",
+        chosen_by="judgement; pytest tests/recording/test_references.py holds turns about one axis at a time",
+    )  # fmt: skip
     unrelated_part: float = threshold(
         0.5, "part of the readings' power that a reference about three axes, or by its own clock, leaves at its best offset",
         larger="a reference of another recording is fitted all the same",

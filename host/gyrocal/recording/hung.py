@@ -19,7 +19,7 @@ LEAST_S, LEAST_SAMPLES = 0.5, 40
 SELDOM = 0.02
 """Part of the other readings that repeat the one before on every axis, above which repeating is usual."""
 SHORT_SAMPLES = 5
-"""Longest other stretch of readings that are usually repeated, as coarse ones are, beside which those of a hung sensor stand out."""
+"""Longest other stretch of readings that often repeat, as coarse ones do, beside which those of a hung sensor stand out."""
 OFTEN = 0.05
 """Part of the readings that repeat the one before, beyond chance, from which on the sensor is read faster than it samples."""
 CHANCE_LAGS = range(64, 72)

@@ -63,7 +63,7 @@ def find(t_s: Array, gyro_dps: Sequence[Array]) -> list[Plateau]:
     if count < 4:
         return []
     means, bends = (np.column_stack(found) for found in zip(*(_windows(axis, size, count) for axis in gyro_dps), strict=True))
-    local = np.minimum(bends[1:], bends[:-1])  # a motor shakes a faster table more, and at a change of the rate one window tells
+    local = np.minimum(bends[1:], bends[:-1])  # a motor shakes a table at some rates; of two windows one is steady
     noise = np.sqrt(np.maximum(np.median(bends, axis=0), local) / 6 / size)
     turning = np.abs(means[1:]).max(axis=1, keepdims=True)  # other axes wobble with it
     allowed = np.maximum(STEP_DPS, STEP_ERRORS * noise) + STEP_PART * turning
@@ -133,8 +133,8 @@ def at_rates(label: str, columns: Mapping[str, Array], whole: Cut, rates_dps: Se
         missed = f"{unused[0]:g} dps" if unused else "any rate"
         where = f"there are plateaus at {read}" if read else "none is found"
         raise InputError(
-            f"{label}: --rates: no plateau of {LEAST_S:g} s or more is at {missed}; {where}. Where readings vary slowly within a "
-            "plateau it is not found: cut the file by --run"
+            f"{label}: --rates: no plateau of {LEAST_S:g} s or more is at {missed}; {where}. Where readings vary slowly within "
+            "a plateau it is not found: cut the file by --run"
         )
     return cuts
 
