@@ -37,6 +37,8 @@ def repeated(t_s: Array, readings: Sequence[Array]) -> np.ndarray[Any, np.dtype[
     for first, length in zip(*stretches(same), strict=True):
         if length >= LEAST_SAMPLES and t_s[first + length - 1] - t_s[first - 1] >= LEAST_S:
             hung[first : first + length] = True
+    if not hung.any():
+        return hung
     others = same & ~hung
     seldom = not hung.all() and float(np.mean(others[~hung])) < SELDOM
     return hung if seldom or max(stretches(others)[1], default=0) <= SHORT_SAMPLES else np.zeros(t_s.size, dtype=bool)
