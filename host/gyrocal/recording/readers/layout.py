@@ -187,7 +187,16 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
     if option not in WITH_COLUMNS:
         return f"no header: {naming(option)}"
-    return f"no header: name all columns, as by {option}columns time,gx,gy,gz; else name the columns by {option}map"
+    return f"no header: name all columns, as by {option}columns {_example(len(cells))}; else name the columns by {option}map"
+
+
+def _example(count: int) -> str:
+    """As many names as a table has columns, as an example: a time, a gyroscope, an accelerometer."""
+    sensors = ["gx", "gy", "gz", "ax", "ay", "az"]
+    if count in (3, 6):  # without a time
+        return ",".join(sensors[:count])
+    known = ["time", *sensors][:count]
+    return ",".join([*known, *(f"c{k}" for k in range(len(known) + 1, count + 1))])
 
 
 def naming(option: str) -> str:
