@@ -18,6 +18,7 @@ from gyrocal.recording.guess import guess
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import Imported, import_recording, read_recording
 from gyrocal.recording.readers import read
+from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
 
@@ -450,3 +451,38 @@ def test_a_magnetic_field_is_no_temperature() -> None:
     assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("temp_c")]
     warm = table.with_columns(pl.lit(25.0).alias("Static/Temperature/Scalar deg C"))
     assert guess(Source("a.csv", warm), Scaling())[-1].map == "temp_c=Static/Temperature/Scalar deg C:degC"
+
+
+@pytest.mark.parametrize("name", ["t_imu", "MATLABtime"])
+def test_a_time_with_an_unusual_name_is_taken_or_named(tmp_path: Path, name: str) -> None:
+    """A column that increases by even steps is a time; one of uneven steps is named in the error."""
+    rng = np.random.default_rng(3)
+    even_s = np.arange(800) / 100.0
+    gyro = {f"gyro_{a}_dps": rng.normal(0, 0.1, 800) for a in "xyz"}
+    more = {"cycle_time": np.full(800, 0.01), "exposure_time": rng.normal(5, 1, 800)}
+    pl.DataFrame({**gyro, **more, name: even_s}).write_csv(tmp_path / "even.csv")
+    found = read_recording(tmp_path / "even.csv", Options(defaults={"table_rate_dps": 0.0}))
+    assert found.session.sample_rate_hz == pytest.approx(100.0)
+    uneven_s = np.cumsum(np.where(np.arange(800) < 300, 0.002, 0.012) * (1 + 0.8 * rng.uniform(-1, 1, 800)))
+    pl.DataFrame({**gyro, **more, name: uneven_s}).write_csv(tmp_path / "uneven.csv")
+    with pytest.raises(InputError, match=f"no time: .*perhaps --map 't_s={name}:UNIT'"):
+        read_recording(tmp_path / "uneven.csv", Options(defaults={"table_rate_dps": 0.0}))
+
+
+@pytest.mark.parametrize(
+    ("header", "taken"),
+    [
+        ("time_s,angle_deg", "ref_angle_deg=angle_deg:deg"), ("time_s,theta (rad)", "ref_angle_deg=theta (rad):rad"),
+        ("t,speed_dps", "rate_ref_dps=speed_dps:dps"), ("time_s,phi_deg,theta_deg", None), ("time_s,position", None),
+    ],
+)  # fmt: skip
+def test_the_only_angle_or_rate_of_a_reference_s_own_file_is_taken(tmp_path: Path, header: str, taken: str | None) -> None:
+    count = header.count(",")
+    rows = [",".join([f"{k / 50:.2f}", *[f"{0.5 * k:.2f}"] * count]) for k in range(300)]
+    (tmp_path / "ref.csv").write_text("\n".join([header, *rows]) + "\n")
+    second = SecondFile(tmp_path / "ref.csv", ())
+    if taken is None:
+        with pytest.raises(InputError, match="no time and reference are recognized"):
+            second.guessed()
+    else:
+        assert taken in [g.map for g in second.guessed()[1]]

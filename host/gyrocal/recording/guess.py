@@ -50,6 +50,10 @@ OWN_FILE = rf"{TRACKER}|orientation|quaternion|quat|rotation|rot|q|q_rs"
 """Words of an orientation in a file of the reference alone."""
 RATE = r"rate|speed|velocity|vel|omega|w|angular_?rate|angular_?velocity"
 ANGLE = r"angle|position|pos|deg|degs|rad|rads|phi|theta"
+LIKE_TIME = r"(?:t|time)_.*|.*(?:_t|time)"
+"""Names that no list of words has, as ``t_imu``: their numbers have to be those of a time too."""
+EVEN_STEP, MOSTLY = 0.5, 0.9
+"""A column with such a name is a time if more than this part of its steps are off the median by less than that part of it."""
 TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 TICK_S = 5e-4
 """Counts of an Xsens clock that would be shorter steps than this as microseconds are of 0.1 ms."""
@@ -200,7 +204,7 @@ def guess_reference(source: Source) -> list[Guess]:
             why = "the unit is in its name" if unit else "rad/s is possible too"
             _add(found, Guess(f"ref_{axis}_dps={name}:{unit or 'dps'}", f"the true rate: {why}"))
     elif "ref_qw" not in found:
-        _add(found, _reference(source, found))
+        _add(found, _reference(source, found) or _only_angle_or_rate(source, found))
     if "t_s" not in found or len(found) < 2:
         raise InputError(
             f"{source.label}: no time and reference are recognized among {', '.join(source.frame.columns[:40])}; say which "
@@ -208,6 +212,20 @@ def guess_reference(source: Source) -> list[Guess]:
             "ref_qw and so on)"
         )
     return [replace(g, option="--ref-map") for g in found.values()]
+
+
+def _only_angle_or_rate(source: Source, found: Mapping[str, Guess]) -> Guess | None:
+    """The one angle, or else the one rate, of a reference's own file whose name states its unit; None of several."""
+    taken = {g.map.partition("=")[2].rpartition(":")[0] for g in found.values()}
+    names = [n for n in source.frame.columns if n not in taken and values_of(source, n).size]
+    for words, kind, target in ((ANGLE, "angle", "ref_angle_deg"), (RATE, "gyro", "rate_ref_dps")):
+        units = "|".join(UNIT_WORDS[kind].values())
+        named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:{units}))?"
+        there = [n for n in names if re.fullmatch(named, bare_name(n)[0]) and stated_unit(n, kind)]
+        if len(there) == 1:
+            what = "angle" if kind == "angle" else "rate"
+            return Guess(f"{target}={there[0]}:{stated_unit(there[0], kind)}", f"the true {what}: the unit is in its name")
+    return None
 
 
 def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
@@ -242,7 +260,33 @@ def time_column(source: Source, rate_hz: float | None = None) -> Guess | None:
             taken, least = guessed, repeated
         if least < REPEATED:
             break
+    if taken is None and rate_hz is None and len(others := _even_like_time(source)) == 1:
+        t_s = source.numbers(ColumnMap("t_s", others[0]))
+        taken = _as_time(source, others[0], t_s, rate_hz)
     return taken
+
+
+def like_time(source: Source) -> list[str]:
+    """The columns with a word for the time at either end of their names, whose numbers run forward."""
+    names = [n for n in source.frame.columns if re.fullmatch(LIKE_TIME, bare_name(n)[0])]
+    return [name for name in names if is_forward(source, name)]
+
+
+def is_forward(source: Source, name: str) -> bool:
+    """True if a column holds numbers alone, and these run forward."""
+    t_s = source.numbers(ColumnMap("t_s", name))
+    return t_s.size > 1 and bool(np.isfinite(t_s).all()) and _runs_forward(t_s)
+
+
+def _even_like_time(source: Source) -> list[str]:
+    """Those of :func:`like_time` that increase from row to row, by nearly the same step."""
+    out = []
+    for name in like_time(source):
+        steps = np.diff(source.numbers(ColumnMap("t_s", name)))
+        middle = float(np.median(steps))
+        if steps.min() > 0 and float(np.mean(np.abs(steps - middle) < EVEN_STEP * middle)) > MOSTLY:
+            out.append(name)
+    return out
 
 
 def _as_time(source: Source, name: str, t_s: Array, rate_hz: float | None) -> Guess | None:

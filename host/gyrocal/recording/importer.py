@@ -19,7 +19,7 @@ from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
-from gyrocal.recording.guess import Guess, named_as_time
+from gyrocal.recording.guess import Guess, is_forward, like_time, named_as_time
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.hung import read_too_fast, without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
@@ -190,7 +190,9 @@ def _check_alike(file: Path, corrected: set[str | None]) -> None:
 def _perhaps_time(source: Source) -> str:
     """The column that is named as a time, as ``--map`` takes it, in words that go on with an error."""
     named = named_as_time(source.names or source.frame.columns)
-    name = next((n for n in named if n not in source.frame.columns or source.start_s(ColumnMap("t_s", n))), None)
+    there = source.frame.columns
+    named = [n for n in named if n not in there or (source.start_s(ColumnMap("t_s", n)) and is_forward(source, n))]
+    name = next(iter((*named, *like_time(source))), None)
     return f"; perhaps --map 't_s={name}:{stated_unit(name, 't_s') or 'UNIT'}'" if name is not None else ""
 
 
