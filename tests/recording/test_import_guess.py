@@ -486,3 +486,15 @@ def test_the_only_angle_or_rate_of_a_reference_s_own_file_is_taken(tmp_path: Pat
             second.guessed()
     else:
         assert taken in [g.map for g in second.guessed()[1]]
+
+
+@pytest.mark.parametrize(("moves", "name"), [(False, "Temp_c"), (True, "Temp_c"), (False, "temp")])
+def test_a_temperature_that_is_equal_in_every_row_is_told(tmp_path: Path, moves: bool, name: str) -> None:
+    """It was taken without a word, though a thermocouple beside it moved by 8 degrees."""
+    rng = np.random.default_rng(3)
+    gyro = {f"gyro_{a}_dps": rng.normal(0, 0.1, 1200) for a in "xyz"}
+    temp_c = np.full(1200, 25.0) + moves * np.linspace(0, 1, 1200)
+    pl.DataFrame({"time_s": np.arange(1200) / 100.0, **gyro, name: temp_c}).write_csv(tmp_path / "log.csv")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    (told,) = [g for g in found.guessed if g.map.startswith("temp_c=")]
+    assert ("25 in every row" in told.why) == (not moves)

@@ -67,6 +67,8 @@ FASTEST_DEGC_S = 2.0
 """No gyroscope's temperature moves faster than this over a whole recording, degC/s."""
 LEAST_DEGC = 5.0
 """A temperature that moves by less than this says nothing of the time that passed."""
+MANY_ROWS = 1000
+"""A temperature that is equal in so many rows is told: its thermometer may not work."""
 BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
 OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
@@ -380,7 +382,10 @@ def _temperature(source: Source) -> Guess | None:
         unit = stated or ("K" if 200 < middle < 400 else "degC")
         if unit == "degC" and not -60 < middle < 150:
             continue
-        return Guess(f"temp_c={name}:{unit}", "the unit is in its name" if stated else f"about {middle:.4g}")
+        why = "the unit is in its name" if stated else f"about {middle:.4g}"
+        if values.size >= MANY_ROWS and np.ptp(values) == 0:
+            why = f"{'the unit is in its name, but ' * bool(stated)}it is {middle:.4g} in every row, which tells nothing"
+        return Guess(f"temp_c={name}:{unit}", why)
     return None
 
 
