@@ -26,8 +26,6 @@ STILLEST = 0.05
 """Quantile of the windows' variances that is the level of noise. At least this part of a recording must be at rest."""
 TRIM_S = 0.15
 """Time that is cut off from both ends of a rest, where the part still settles, s."""
-SAME_POSE_DEG = 3.0
-"""Two successive rests whose gravity differs by less may be one rest that was cut, deg."""
 CHUNK_S = 10.0
 """Longest time of a mean reading, s. The bias drifts during a longer rest."""
 
@@ -102,7 +100,7 @@ def look(session: Session) -> Found:
 
 def _poses(rests: Sequence[Rest]) -> int:
     """The number of rests, of which those that follow one another in one pose count once, as a rest that was cut."""
-    least = np.cos(np.deg2rad(SAME_POSE_DEG))
+    least = np.cos(np.deg2rad(POLICY.same_pose_deg))
     up = [rest.acc_g / max(float(np.linalg.norm(rest.acc_g)), 1e-9) for rest in rests]
     pairs = zip(pairwise(rests), pairwise(up), strict=True)
     return len(rests) - sum(a.run == b.run and float(before @ after) > least for (a, b), (before, after) in pairs)

@@ -21,7 +21,7 @@ class Gravity:
         chosen_by="noise reaches 1.5 once in 10^5 windows of 40 samples, the tremor of a hand 10; chosen by judgement",
     )  # fmt: skip
     enough_rests: int = threshold(
-        10, "number of rests with which no larger factor is tried",
+        10, "number of poses of rests with which no larger factor is tried",
         larger="slow movements count as rests in short sessions", smaller="the accelerometer is calibrated from few poses",
         chosen_by="the nine parameters of an accelerometer need ten poses; chosen by judgement",
     )  # fmt: skip
@@ -47,6 +47,11 @@ class Gravity:
     shortest_rest_s: float = threshold(
         0.5, "shortest rest that is used, s",
         larger="short rests are left out, and their movements with them", smaller="the noise of its mean spoils a movement",
+    )  # fmt: skip
+    same_pose_deg: float = threshold(
+        3.0, "angle between gravity in two successive rests below which they count as one pose, deg",
+        larger="turns about a nearly level axis make no pose", smaller="one rest that was cut counts as several",
+        chosen_by="pytest tests/gravity/test_rests.py; chosen by judgement",
     )  # fmt: skip
     rest_turns_deg: float = threshold(
         0.3, "angle by which gravity must turn within a rest for the rest to be left out, deg",
