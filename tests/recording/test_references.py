@@ -377,6 +377,19 @@ def test_inverted_orientations_block_and_are_told(change: Callable[[Array], Arra
     assert "only if its orientations are inverted" in warning.text
 
 
+def test_an_axis_that_shows_nothing_of_its_reference_blocks_alone() -> None:
+    """A drone's tilts of some degrees: scales of -98 % and -78 % were printed."""
+    rng = np.random.default_rng(9)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    gyro[:, 0] = np.convolve(rng.normal(0, 2.5 * ref[:, 0].std(), T_S.size + 8), np.ones(9) / 9, "valid")
+    gyro[:, 0] += 0.13 * ref[:, 0]
+    told = [w for w in check(with_reference(gyro, **rates(ref))) if w.code == "reference_unrelated"]
+    assert [(w.axis, w.blocking) for w in told] == [("x", True)]
+    gyro[:, 0] = 0.9 * ref[:, 0] + rng.normal(0, ref[:, 0].std(), T_S.size)
+    assert not [w for w in check(with_reference(gyro, **rates(ref))) if w.code == "reference_unrelated"]
+
+
 def one_axis_at_a_time(together: float) -> tuple[Array, Array]:
     """Body rates [n, 3] and orientations [n, 4] of turns about x, y, z in turn from one position, and ``together`` deg more."""
     t_s = np.arange(0, 60, 1 / RATE_HZ)

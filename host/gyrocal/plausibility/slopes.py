@@ -44,6 +44,15 @@ class Slope:
         alike = self.explained >= 1 - POLICY.unrelated_part
         return self.run.three_axes and not alike and abs(self.value) < POLICY.follows_not
 
+    def misses(self, axis: str) -> bool:
+        """True if a reference with three axes turns about this axis, and its readings show nothing of that."""
+        if not self.run.three_axes or self.explained >= POLICY.unrelated_axis:
+            return False
+        known = self.run.reached
+        true_dps = float(np.std(self.run.about(axis).rate_dps[known]))
+        reading_dps = float(np.std(self.run.gyro_dps[known, AXES.index(axis)]))
+        return min(true_dps, reading_dps) > POLICY.unrelated_dps and true_dps > POLICY.unrelated_part * reading_dps
+
     @property
     def informs(self) -> bool:
         """True if its error is small compared with the slope, or with 1 if the axis does not follow."""
@@ -167,7 +176,8 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     # the window about pi/180 is narrow, and a bias that no run shows would be in rad/s too
     informed = [s for s in line.slopes if s.informs or line.bias_dps is None]
     if not informed:
-        return []
+        missed = bool(line.slopes) and all(s.misses(axis) for s in line.slopes)
+        return [_unrelated(axis, line.slopes[0].run)] if missed else []
 
     def where(fits: Callable[[Slope], bool]) -> list[Slope]:
         return [s for s in informed if fits(s)]

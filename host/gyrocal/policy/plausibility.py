@@ -144,6 +144,11 @@ class Plausibility:
         5.0, "smallest rms of the readings for that, dps", larger="a wrong reference of a slow motion is not reported",
         smaller="a recording at rest is held against its reference", chosen_by=REFERENCES,
     )  # fmt: skip
+    unrelated_axis: float = threshold(
+        0.1, "part of the power of an axis' readings that a reference about three axes explains at least",
+        larger="an axis of a noisy reference is blocked", smaller="a scale is fitted to a reference that misses the motion",
+        chosen_by="judgement; pytest tests/recording/test_references.py holds an axis that has noise alone",
+    )  # fmt: skip
     lost_dps: float = threshold(
         20.0, "smallest such difference, dps", larger="losses in slow motions are not reported",
         smaller="a dead band is called a lost reference", chosen_by=REFERENCES,
