@@ -50,6 +50,13 @@ def test_a_flight_after_a_rest_is_not_at_rest() -> None:
     assert not told(RNG.normal(0, np.where(T_S > 45.0, 2.0, 0.5)))
 
 
+def test_a_step_of_the_codes_now_and_then_is_no_movement() -> None:
+    """A bit that was read wrongly sets readings of a wandering bias off by 1.12 deg/s for a while; a push varies in size."""
+    now_and_then = (T_S % 9.0 > 8.3) & (T_S > 5.0)
+    assert not told(np.where(now_and_then, -1.12, 0.0))
+    assert told(np.where(now_and_then, 4.0 * np.sin(np.pi * (T_S % 9.0 - 8.3) / 0.7), 0.0)) == [("not_at_rest", "z")]
+
+
 def test_a_slow_spin_up_is_not_at_rest() -> None:
     """No second steps, and no bias goes so far: a satellite on its stand was said to have a bias of 85 deg/s."""
     assert told(-170.0 * (1 - np.exp(-T_S / 15.0))) == [("not_at_rest", "z")]

@@ -182,7 +182,8 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
 
     Steps of a walk and a push are over within seconds, whose means hide them. Medians over a tenth of a second let no single
     fault of the reading pass for one, and a bias that wanders moves the readings around too. Small ones count in a run that
-    is still for most of the time, as before a flight; a table that vibrates throughout is no such run.
+    is still for most of the time, as before a flight; a table that vibrates throughout is no such run. Nor is one whose
+    readings go off by one step, always as far, and come back.
     """
     from scipy.ndimage import median_filter
 
@@ -197,7 +198,9 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
     usual_dps = max(noise_dps, ROBUST * float(np.median(off_dps)))
     by_noise, by_rest = (POLICY.rest_spreads * sd_dps for sd_dps in (noise_dps, usual_dps))
     moved = off_dps > min(max(POLICY.rest_part_dps, by_noise), max(POLICY.rest_off_dps, by_rest))
-    if np.mean(moved) < POLICY.rest_moved_part:
+    farthest = off_dps[3 * off_dps > 2 * off_dps.max()]
+    one_step = float(np.std(farthest)) < ROBUST * noise_dps  # a code that is read wrongly; a movement gains and loses speed
+    if one_step or np.mean(moved) < POLICY.rest_moved_part:
         return 0.0, 0.0
     return float(off_dps.max()), float(moved.sum()) * size / run.sample_rate_hz
 
