@@ -89,7 +89,6 @@ COPIED = """async () => {
 """The number of dark pixels in each line of the words, of the picture in the clipboard and of the chart without its words."""
 
 
-@pytest.mark.wide
 @pytest.mark.slow
 def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}diagnose?session=ripple", permissions=["clipboard-read", "clipboard-write"])
