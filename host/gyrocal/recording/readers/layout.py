@@ -196,6 +196,8 @@ def _example(count: int) -> str:
     if count in (3, 6):  # without a time
         return ",".join(sensors[:count])
     known = ["time", *sensors][:count]
+    if count > 2 * len(known):
+        return f"{','.join(known)},... ({count} names)"
     return ",".join([*known, *(f"c{k}" for k in range(len(known) + 1, count + 1))])
 
 
