@@ -108,7 +108,8 @@ class Scene:
             session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings, acc_noise.of_sample
         )
         scene.refuse_small_rates()
-        scene.warnings.extend(accepted(wrong_size(session, found.rests, found.movements, up), session.accept))
+        sizes = wrong_size(session, found.rests, found.movements, up, scene.turned_deg)
+        scene.warnings.extend(accepted(sizes, session.accept))
         return scene
 
     def refuse_small_rates(self) -> None:

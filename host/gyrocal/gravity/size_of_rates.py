@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal.gravity.rests import Movement, Rest
 from gyrocal.policy import POLICY
+from gyrocal.recording.gravity_turns import after_turn
 from gyrocal.recording.session import Array, Session
 from gyrocal.tails import ROBUST
 from gyrocal.warning import Warning
@@ -27,21 +28,22 @@ def path_of_turn(session: Session, rests: Sequence[Rest], movements: Sequence[Mo
     parts = []
     for m, turned in zip(movements, turned_deg, strict=True):
         run = session.runs[m.run]
-        gyro_dps = run.gyro_dps[m.start : m.stop] - _resting_dps(session, rests, m)
+        gyro_dps = run.gyro_dps[m.start : m.stop] - _resting_dps(rests, m)
         path_deg = float(np.linalg.norm(gyro_dps, axis=1) @ run.weights[m.start : m.stop]) * run.duration_s / len(run)
         if turned > POLICY.clear_turn_deg:
             parts.append(path_deg / float(turned))
     return float(np.median(parts)) if parts else None
 
 
-def wrong_size(session: Session, rests: Sequence[Rest], movements: Sequence[Movement], up: Array) -> list[Warning]:
+def wrong_size(
+    session: Session, rests: Sequence[Rest], movements: Sequence[Movement], up: Array, turned_deg: Array
+) -> list[Warning]:
     """``scale_implausible`` where rates that are larger or smaller by one factor lead gravity from rest to rest.
 
-    ``up`` [rests, 3]: gravity at the rests. It is looked for only where the rates as they are miss gravity by more than an
-    implausible scale does, and told where the best factor does not.
+    ``up`` [rests, 3]: gravity at the rests, which turns by ``turned_deg`` [movements]. The factor is looked for only where the
+    rates as they are miss gravity by more than an implausible scale does, and told where the best one does not.
     """
     starts, ends = up[[m.before for m in movements]], up[[m.after for m in movements]]
-    turned_deg = np.rad2deg(np.arccos(np.clip(np.sum(starts * ends, axis=1), -1.0, 1.0)))
     allowed_deg = POLICY.largest_scale * float(np.median(turned_deg))
     steps_rad = [_steps_rad(session, rests, m) for m in movements]
     if float(np.median(_missed_deg(steps_rad, starts, ends, np.ones(1)))) <= allowed_deg:
@@ -70,16 +72,15 @@ def _text(part: float, se: float) -> str:
     )
 
 
-def _resting_dps(session: Session, rests: Sequence[Rest], movement: Movement) -> Array:
+def _resting_dps(rests: Sequence[Rest], movement: Movement) -> Array:
     """The mean reading of the rests before and after a movement [3], deg/s."""
-    ends = [rests[i] for i in (movement.before, movement.after)]
-    return np.mean([session.runs[rest.run].gyro_dps[rest.start : rest.stop].mean(axis=0) for rest in ends], axis=0)
+    return np.asarray((rests[movement.before].gyro_dps + rests[movement.after].gyro_dps) / 2)
 
 
 def _steps_rad(session: Session, rests: Sequence[Rest], movement: Movement) -> Array:
     """The turns between the samples of a movement [n, 3], rad."""
     run, rows = session.runs[movement.run], slice(movement.start, movement.stop)
-    rate_rad_s = np.radians(run.gyro_dps[rows] - _resting_dps(session, rests, movement))
+    rate_rad_s = np.radians(run.gyro_dps[rows] - _resting_dps(rests, movement))
     return np.asarray(np.diff(run.sample_s[rows])[:, None] * (rate_rad_s[:-1] + rate_rad_s[1:]) / 2)
 
 
@@ -93,11 +94,7 @@ def _missed_deg(steps_rad: Sequence[Array], starts: Array, ends: Array, factors:
     going = np.sum([len(steps_rad[k]) > np.arange(longest) for k in order], axis=0)
     now = np.broadcast_to(starts[order], (factors.size, len(order), 3)).copy()
     for turns, count in zip(padded, going.tolist(), strict=True):
-        angle = np.linalg.norm(turns[:count], axis=1)[:, None]
-        axis, old = turns[:count] / np.maximum(angle, 1e-12), now[:, :count]
-        along = axis * np.sum(axis * old, axis=2, keepdims=True)  # a body's turn moves what is fixed in space the other way
-        by = factors[:, None, None] * angle
-        now[:, :count] = along + (old - along) * np.cos(by) - np.cross(axis, old) * np.sin(by)
+        now[:, :count] = after_turn(now[:, :count], turns[:count], factors[:, None, None])
     out = np.empty((factors.size, len(order)))
     out[:, order] = np.rad2deg(np.arccos(np.clip(np.sum(now * ends[order], axis=2), -1.0, 1.0)))
     return out

@@ -56,9 +56,16 @@ def off_after(up: Array, turns_rad: Array, starts: Index, steps: int) -> Array:
     """The squared distance of gravity's direction after some steps from where the turns [n, 3] bring it, for each start."""
     now = up[starts]
     for k in range(steps):
-        turn = turns_rad[starts + k]
-        angle = np.linalg.norm(turn, axis=1, keepdims=True)
-        axis = turn / np.maximum(angle, 1e-12)
-        along = axis * np.sum(axis * now, axis=1, keepdims=True)  # a body's turn moves what is fixed in space the other way
-        now = along + (now - along) * np.cos(angle) - np.cross(axis, now) * np.sin(angle)
+        now = after_turn(now, turns_rad[starts + k])
     return np.asarray(np.sum((up[starts + steps] - now) ** 2, axis=1))
+
+
+def after_turn(up: Array, turn_rad: Array, times: Array | float = 1.0) -> Array:
+    """Directions [..., 3] that are fixed in space, as a body sees them that turned by vectors [..., 3], rad, ``times`` as far.
+
+    What is fixed in space moves the other way.
+    """
+    angle = np.linalg.norm(turn_rad, axis=-1, keepdims=True)
+    axis = turn_rad / np.maximum(angle, 1e-12)
+    along, by = axis * np.sum(axis * up, axis=-1, keepdims=True), times * angle
+    return np.asarray(along + (up - along) * np.cos(by) - np.cross(axis, up) * np.sin(by))

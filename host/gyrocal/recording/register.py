@@ -192,7 +192,7 @@ class _Trial:
     @property
     def left(self) -> float:
         """The part of the readings' power that is left. Offsets reach different samples, of which some hardly move."""
-        return self.square / max(self.readings, 1e-300)
+        return float(self.squares.sum()) / max(self.readings, 1e-300)
 
     def rotation(self) -> tuple[Array, bool]:
         """The rotation [3, 3] and whether the readings follow the reference only as its mirror image.
@@ -240,7 +240,7 @@ class _Search:
         if own_clock:
             parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
             parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
-        left = min(float(best.squares.sum()) / max(best.readings, 1e-300), self._left_slowly(best))
+        left = min(best.left, self._left_slowly(best))
         return RegistrationFit(registration, tuple(parameters), alternatives, mirrored, best.readings**0.5, left)
 
     def _left_slowly(self, best: _Trial) -> float:
@@ -285,7 +285,7 @@ class _Search:
         for r in self.readings:
             at_s = Registration(offset_s=offset_s, drift=drift).moment_s(r.t_s)
             use = r.recorded(at_s) & (np.abs(r.t_s - r.middle_s) <= max(span_s / 2, span_s - (r.t_s[-1] - r.t_s[0]) / 2))
-            if use.sum() < 4 * (a + 1):
+            if use.sum() < 4 * (a + 1) + r.averaged - 1:
                 continue
             w, slope, y, t = r.rates(at_s[use]), r.slopes(at_s[use]), r.y_dps[use], r.t_s[use, None] - r.t_s[0]
             w, slope, y, t = (_mean(v, r.averaged)[_whole(len(v), r.averaged)] for v in (w, slope, y, t))
