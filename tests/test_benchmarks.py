@@ -54,6 +54,7 @@ def test_paper_has_the_pinned_keys(paper: dict[str, Any]) -> None:
     assert len(paper["table2_against_labels"]) == len(paper["table2_paper_split"]) == 21
 
 
+@pytest.mark.wide
 def test_papers_figures_hold_together(paper: dict[str, Any]) -> None:
     at = {(r["seconds"], r["method"]): r for r in paper["table2"]}
     for seconds in (2.0, 4.0, 6.0):
@@ -72,6 +73,7 @@ def test_papers_figures_hold_together(paper: dict[str, Any]) -> None:
     assert np.all(error[: first - 1] > six["model"]["bias_mae_dps"])
 
 
+@pytest.mark.wide
 def test_the_misfit_speaks_of_what_can_be_seen(paper: dict[str, Any]) -> None:
     """Typical effects: at least 95 % of those beyond five standard errors; noise alone hardly ever; an offset never."""
     at = {(r["hidden"], r["seconds"]): r for r in paper["misfit"]}
@@ -83,6 +85,7 @@ def test_the_misfit_speaks_of_what_can_be_seen(paper: dict[str, Any]) -> None:
     assert at["offset of 50 mdps", 6.0]["flagged"] < 0.05
 
 
+@pytest.mark.wide
 def test_a_hidden_effect_that_is_added_comes_near_the_limit(paper: dict[str, Any]) -> None:
     at = {(r["seconds"], r["method"]): r for r in paper["hidden_effect"]["answers"]}
     for seconds in (4.0, 6.0):

@@ -94,6 +94,7 @@ def processes() -> dict[str, list[str]]:
 
 
 PROCESSES = processes()
+LONG = ("demo", "train", "fleet")
 
 
 @pytest.fixture(scope="module")
@@ -195,7 +196,9 @@ with known():
 """Verbs that ask the same of one session compute it once, by the first of them."""
 
 
-@pytest.mark.parametrize("process", PROCESSES)
+@pytest.mark.parametrize(
+    "process", [pytest.param(first, marks=[pytest.mark.wide] * (first in LONG)) for first in PROCESSES]
+)
 def test_verbs(
     process: str, watched: Watched, port: str, require_tool: Callable[[str], str], require_module: Callable[[str], None]
 ) -> None:

@@ -29,7 +29,7 @@ extra_checks = true
 """What ``--strict`` adds to pyproject.toml, for the lines of the pages alone: one run reads the library once."""
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_types_are_right(require_module: Callable[[str], None], tmp_path: Path) -> None:
     require_module("mypy")
     for name, page in PAGES.items():

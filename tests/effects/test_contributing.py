@@ -33,7 +33,7 @@ def test_what_is_planted_is_recovered(wobble: Effect) -> None:
         check_case(wobble, case)
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_it_is_diagnosed_where_it_acts(wobble: Effect) -> None:
     session, _ = simulate(None, "full", [wobble.id], seed=4, scenarios=2, seconds=10.0)
     with without_evidence():  # which weighs no wave

@@ -165,7 +165,7 @@ def test_the_documented_table_is_complete() -> None:
     assert set(documented()) == {(part, cpu.name) for part in cpus.parts() for cpu in cpus.CPUS}
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @CPU
 @pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "inference_gyrocal_fixed", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:

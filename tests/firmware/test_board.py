@@ -36,6 +36,7 @@ def test_four_sensors_on_two_buses_calibrate_each_for_itself(play: Play, tmp_pat
         assert np.mean(rates) == pytest.approx(78.0, abs=0.05)
 
 
+@pytest.mark.wide
 def test_a_sensor_keeps_its_number_by_bus_and_address(play: Play) -> None:
     text = play(["0 chip 1", "0 chip 2", *turn(0, UP), "1 > stream raw"], 2)
     assert {s.imu for s in sentences(text)} == {1, 2}

@@ -70,6 +70,7 @@ class Killing:
             yield done
 
 
+@pytest.mark.wide
 def test_a_killed_worker_costs_only_its_unfinished_tasks(
     folder: Path, require_module: Callable[[str], None]
 ) -> None:  # fmt: skip

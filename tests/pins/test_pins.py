@@ -13,7 +13,7 @@ from .compare import agree, differences, figure, same, with_quarters
 from .record import HERE, SESSIONS, check, command
 
 KILOBYTES = 50
-SLOW = ("paper", "swing", "bench", "table2", "full", "rest")
+SLOW = ("paper", "swing", "bench", "table2", "full", "rest", "noisy")
 """Sessions whose answers take nine tenths of the time of all."""
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("known_answers")]
 

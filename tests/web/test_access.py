@@ -55,7 +55,6 @@ def axe() -> str:
 
 
 @pytest.mark.wide
-@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.wide), "dark"])
 def test_pages_say_their_language_heading_and_labels_and_axe_finds_nothing(
     served: Any, look: Callable[..., Any], require_module: Callable[[str], None], scheme: str
@@ -97,6 +96,7 @@ COLLIDING = """() => [...document.querySelectorAll('.nicegui-echart')].filter(e 
 """Numbers of 11 px beside an axis that stand less than a line apart."""
 
 
+@pytest.mark.wide
 def test_a_phone_scrolls_down_alone_cuts_nothing_off_and_its_ticks_stand_apart(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.set_viewport_size({"width": 390, "height": 844})

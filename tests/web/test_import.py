@@ -62,6 +62,7 @@ def test_a_log_by_hand_becomes_a_session_by_gravity(tmp_path: Path) -> None:
     assert Session.open(tmp_path / "out").reference.kind == "gravity"
 
 
+@pytest.mark.wide
 def test_the_wizard_writes_the_session_that_was_shown(
     foreign: Path, workbench: Any, look: Callable[..., Any], chromium: Any
 ) -> None:
