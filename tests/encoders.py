@@ -59,3 +59,24 @@ def encoder_session(
         return make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=rate_hz, **columns)
 
     return make_session(*(run(k) for k in range(4)))
+
+
+def session_of_moves(seed: int, step_deg: float, white_dps: float, rate_hz: float = 100.0, seconds: float = 18.0) -> Session:
+    """Five power cycles of one run each: moves of one to three seconds with pauses between, by an encoder with steps."""
+    rng = np.random.default_rng(seed)
+
+    def run(cycle: int) -> Any:
+        t_s = np.arange(round(seconds * rate_hz)) / rate_hz
+        rate_dps, begin_s = np.zeros(t_s.size), 1.0
+        while begin_s < seconds - 3.0:
+            length_s, speed_dps = rng.uniform(1.0, 3.0), rng.uniform(18.0, 60.0) * rng.choice([-1.0, 1.0])
+            moves = (t_s >= begin_s) & (t_s < begin_s + length_s)
+            rate_dps[moves] = speed_dps * np.sin(np.pi * (t_s[moves] - begin_s) / length_s) ** 2
+            begin_s += length_s + rng.uniform(0.5, 1.5)
+        angle_deg = (np.cumsum(rate_dps) - rate_dps / 2) / rate_hz
+        gyro = rng.normal(0.0, white_dps, (t_s.size, 3))
+        gyro[:, 2] += (1 + SCALE) * rate_dps + BIAS_DPS
+        columns = {"ref_angle_deg": np.round(angle_deg / step_deg) * step_deg}
+        return make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{cycle}", rate_hz=rate_hz, **columns)
+
+    return make_session(*(run(k) for k in range(5)))

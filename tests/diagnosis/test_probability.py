@@ -187,16 +187,35 @@ def test_sets_with_something_in_them_have_what_noise_alone_leaves() -> None:
 
 
 class _Compared:
-    """What is asked of a comparison here: where no name is sure, and the probe that fits best on each axis."""
+    """What is asked of a comparison here: where no name is sure, the probe that fits best on each axis, and its excess."""
 
     unsure: frozenset[str] = frozenset()
     nearest: Mapping[str, Finding] = {}
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+
+    def excess_share(self, axis: str) -> float:
+        return self.share if axis == "z" else 0.0
 
 
 @pytest.mark.parametrize("log_odds", [KNOTS[-1][0] + 0.1, 50.0, 500.0, KNOTS[-1][0] - 0.1, 5.0, -2.0])
 def test_a_model_is_not_adequate_where_the_evidence_is_sure_that_there_is_more_than_noise(log_odds: float) -> None:
     pair, noise = Alternative(("centripetal", "drift"), ("temperature",), 0.6), Alternative((), (), float(expit(-log_odds)))
     sets = [OnAxis.of("z", pair), OnAxis.of("z", noise), OnAxis.of("x", replace(noise, probability=0.9))]
-    found = improbable_noise(sets, cast(Comparison, _Compared()))
+    found = improbable_noise(sets, cast(Comparison, _Compared(0.05)))
     assert [(f.axis, f.against, f.of_sets) for f in found] == [("z", "temperature", True)] * (log_odds > KNOTS[-1][0])
     assert all("centripetal and drift and something that follows temperature" in f.note for f in found)
+
+
+@pytest.mark.parametrize(("told", "share"), [(0.004, 0.29), (0.15, 0.12), (0.3, 0.29), (0.004, 0.06)])
+def test_an_excess_of_practical_size_is_not_adequate_where_noise_alone_is_improbable(told: float, share: float) -> None:
+    """With 0.29 of the floor and noise alone below 1 %, a supply that sagged as the table turned was called adequate."""
+    sag = Alternative(("warmup",), ("acceleration",), 0.3)
+    noise = OnAxis("z", Alternative((), (), 0.01), told)
+    found = improbable_noise([OnAxis.of("z", sag), noise], cast(Comparison, _Compared(share)))
+    assert len(found) == (told < 0.2 and share > 0.1)
+    for one in found:
+        assert one.against == "acceleration"
+        assert ("below 1%" if told < 0.01 else "of 15%") in one.note
+        assert "warmup and something that follows acceleration" in one.note

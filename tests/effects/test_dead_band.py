@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gyrocal.effects.base import effect
+from gyrocal.effects.base import Objection, effect
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import rate_about
 from gyrocal.recording.session import Run
@@ -51,6 +51,18 @@ def test_the_width_s_error_holds(noise_dps: float, levels: tuple[float, ...]) ->
 def test_the_width_s_error_is_small_where_the_rate_is_known() -> None:
     runs = [staircase(k, 1e-6, (-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4)) for k in range(4)]
     assert error_dps(runs, likeliest_dps(runs)) < 0.03
+
+
+def test_a_band_that_ends_below_rates_that_are_lost_too_has_no_edge() -> None:
+    """Beside a coarse encoder a band of 1.2 +- 18.8 dps was named."""
+    runs = [staircase(k, 1e-6, (-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4)) for k in range(4)]
+
+    def contradicted(width_dps: float) -> bool:
+        values = {"width_dps": width_dps, "depth": 0.9}
+        return Objection.CONTRADICTED in effect("dead_band").objections(values, runs, 2, ())
+
+    assert contradicted(0.2)
+    assert not contradicted(WIDTH_DPS)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from encoders import SCALE, encoder_session
+from encoders import SCALE, encoder_session, session_of_moves
 from gyrocal.diagnosis.answer.compare import compare
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.plausibility import check
 from gyrocal.recording.orientation import count_deg, jumps
 from gyrocal.recording.session import Session
@@ -93,3 +94,9 @@ def test_a_slip_of_a_coarse_encoder_is_still_a_jump() -> None:
     assert not jumps(np.diff(angle_deg)[:, None]).any()
     assert np.flatnonzero(jumps(np.diff(slipped)[:, None])).tolist() == [2100]
     assert count_deg(np.diff(angle_deg + rng.normal(0, 0.1, 4000))[:, None]) == 0.0
+
+
+@pytest.mark.parametrize(("seed", "step_deg", "white_dps"), [(2, 0.05, 0.1), (3, 0.36, 0.05)])
+def test_the_noise_of_small_rates_is_no_lost_part_of_them(seed: int, step_deg: float, white_dps: float) -> None:
+    """Between moves the steps of an encoder are small rates that nothing has read, at 10 standard errors."""
+    assert measure(session_of_moves(seed, step_deg, white_dps), ON_Z).where == []

@@ -79,11 +79,13 @@ class DeadBand(Effect):
     ) -> Iterable[Objection]:
         """Rounding makes a band narrower than the step of the readings.
 
-        Where small rates are not lost for the most part, or are reversed, the error in this range is another effect's.
+        Where small rates are not lost for the most part, or are reversed, the error in this range is another effect's. There is
+        no edge where rates are lost above it by more than its width: noise of the reference is a rate that is not read.
         """
         if values["width_dps"] <= min((float(r.step_dps.max()) for r in runs), default=0.0):
             yield Objection.UNSEEN
-        if not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH:
+        edgeless = _beyond_the_edge_dps(runs, axis, values["width_dps"]) > values["width_dps"]
+        if edgeless or not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH:
             yield Objection.CONTRADICTED
 
     def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:

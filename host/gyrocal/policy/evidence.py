@@ -42,6 +42,19 @@ class Evidence:
         0.4, "probability from which on an effect that passes its checks is suggested, whatever the other tests make of it",
         larger="effects are rejected that are as probable as not", smaller="effects are suggested that are hardly probable",
     )  # fmt: skip
+    adequate_noise: float = threshold(
+        0.2, "probability of noise alone below which a model is not adequate, if the excess is of practical size",
+        larger="noise in bursts, which left one of 24 axes with 0.48, is said to hold something "
+        "(pytest tests/diagnosis/test_uneven_noise.py)",
+        smaller="what is there and has no name is called adequate",
+        chosen_by="chosen by judgement: with an excess of practical size it was below this in none of 41 adequate sessions of "
+        "noise alone by two generators of others, and in 5 of 61 others",
+    )  # fmt: skip
+    practical_excess: float = threshold(
+        0.1, "part of the floor from which on an excess is of practical size",
+        larger="what is there and has no name is called adequate", smaller="chance makes an excess",
+        chosen_by="chosen by judgement: it makes the rms half a percent larger than the floor",
+    )  # fmt: skip
     leading_log_odds: float = threshold(
         -0.85, "log odds (a probability of 0.3) from which on an effect of the likeliest set is looked at more closely: its "
         "nonlinear parameter is refined and its checks are made",

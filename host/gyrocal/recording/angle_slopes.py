@@ -10,7 +10,7 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.orientation import count_deg, jumps
-from gyrocal.recording.smoothing import NoiseLevel, Smoothed, steadier_slope
+from gyrocal.recording.smoothing import SLOPE_OF_SPLINE, NoiseLevel, Smoothed, steadier_slope
 from gyrocal.recording.timing import FAITHFUL_TIMES, faithful_width, noise_sd, smooth_by
 from gyrocal.tails import ROBUST
 
@@ -55,12 +55,14 @@ STEADIER_SE = 0.5
 
 class AngleSlopes(NamedTuple):
     """Rates [n, k], deg/s, NaN where there are none; the number of jumps; and what the smooth curves leave of the angles,
-    [n, k], deg, NaN where no angle was measured. ``steadier`` are the rates with less noise, [n, k].
+    [n, k], deg, NaN where no angle was measured. ``noise_dps`` is the largest noise of the rates, as noise of the angles that
+    is white makes it, and ``steadier`` are the rates with less noise, [n, k].
     """
 
     rates: Array
     jumps: int
     left_deg: Array
+    noise_dps: float
     steadier: Smoothed | None
 
     def noisy(self) -> Mask:
@@ -112,7 +114,9 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     ])  # fmt: skip
     widest = LONGEST_END / STRAIGHT * _typical(times_s, [[p.size] for p in pieces])[0] if pieces else 0.0
     widths = [min(width, widest) for width in widths]
-    sds = _typical(times_s, noises_deg) if steadier else []
+    sds = _typical(times_s, noises_deg) if pieces else []
+    noises = (sd * SLOPE_OF_SPLINE**0.5 / max(width, 1.0) ** 1.5 for sd, width in zip(sds, widths, strict=True))
+    noise_dps = max(noises, default=0.0) / (usual_s or 1.0)
     trimmed = max([TRIMMED, *(int(np.ceil(STRAIGHT * width)) for width in widths)])
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         if piece.size <= 2 * trimmed:
@@ -123,17 +127,17 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
         inner = slice(trimmed, piece.size - trimmed)
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
         rates[inside] = slopes(t_s[inside], 1)
-        for k, sd in enumerate(sds):
+        for k, sd in enumerate(sds if steadier else []):
             found = steadier_slope(at_s, angle_deg[:, k], sd, slopes(at_s, 1)[:, k], widths[k])
             steady[inside, k], error[inside, k], of_angle[inside, k] = (np.interp(t_s[inside], at_s, v) for v in found)
         left_deg[rows[piece[inner]]] = (angle_deg - curves)[inner]
-    if not sds:
-        return AngleSlopes(rates, int(jumped.sum()), left_deg, None)
+    if not sds or not steadier:
+        return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, None)
     inside = np.isfinite(rates).all(axis=1)
     removed = float(np.max(np.median(np.abs(rates[inside] - steady[inside]), axis=0))) * ROBUST
     noise = NoiseLevel(max(removed, float(np.max(np.median(error[inside], axis=0))) ** 0.5), STEADIER_SE)
     of_angle /= float(np.median(np.diff(t_s))) ** 2
-    return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, noise, of_angle))
+    return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, Smoothed(steady, error, noise, of_angle))
 
 
 def _measured_anew(steps_deg: Array) -> tuple[Index, Array]:

@@ -49,6 +49,8 @@ class MeasuredRates:
     """Of orientations: True for the samples [n] that were left out because they are much noisier than usual."""
     left_deg: Array | None = None
     """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
+    noise_dps: float = 0.0
+    """The noise of these slopes, deg/s."""
     interpolated: bool = False
     """True if missing samples lie on a curve through those that are there: a table's encoder may be slower than the sensor."""
 
@@ -134,7 +136,7 @@ def measured_rates(column: Column, t_s: Array, label: str) -> MeasuredRates | No
     if angle is None:
         return None
     found = angle_slopes(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
-    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, left_deg=found.left_deg[:, 0])
+    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, left_deg=found.left_deg[:, 0], noise_dps=found.noise_dps)
 
 
 def _together(column: Column, names: tuple[str, ...], label: str) -> Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.effects.quantities import rate_about, rate_varies
+from gyrocal.effects.quantities import noise_of_rate_dps, rate_about, rate_varies
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable
 from gyrocal.variables.shapes import Shape, Steps
@@ -30,8 +30,7 @@ class Level(Variable):
         if not rate_varies(self.runs, axis):
             return []
         largest_dps = max(float(self.values(r, axis).max(initial=0.0)) for r in self.runs)
-        noise_dps = max((r.smooth_rate.noise.sd for r in self.runs if r.smooth_rate is not None), default=0.0)
-        if noise_dps > LARGEST_NOISE_DPS:
+        if max(map(noise_of_rate_dps, self.runs), default=0.0) > LARGEST_NOISE_DPS:
             return []
         edges = np.array([e for e in EDGES_DPS if e < 0.5 * largest_dps])
         return [Steps(lambda run: self.values(run, axis), edges, times_rate=True, unit=self.unit)] if edges.size else []

@@ -15,6 +15,8 @@ from gyrocal.variables.shapes import Columns, Shape, Steps
 
 RESOLUTION = 0.02
 """Finest step of a varying rate, as a fraction of the largest rate."""
+NOISES = 4.0
+"""The finest step over the noise of one sample of a measured rate: it sorts samples into the steps beside theirs."""
 ONE_RATE = 0.1
 """Runs whose rates differ by less than this fraction of the largest rate count as having the same rate."""
 TURNS = "in turns about "
@@ -77,7 +79,8 @@ class Rate(Variable):
         rates = [self.values(r, axis) for r in self.runs]
         largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
         if self.one_axis and rate_varies(self.runs, self.runs[0].axis_index):
-            return quantile_edges(np.concatenate(rates), RESOLUTION * largest, MOST_STEPS)
+            of_angle = max(r.measured_rates.noise_dps if r.measured_rates else 0.0 for r in self.runs)
+            return quantile_edges(np.concatenate(rates), max(RESOLUTION * largest, NOISES * of_angle), MOST_STEPS)
         means = np.unique([float(np.mean(rate)) for rate in rates])
         apart = np.diff(means) > ONE_RATE * largest
         edges = ((means[1:] + means[:-1]) / 2)[apart]

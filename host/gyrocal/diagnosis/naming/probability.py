@@ -119,19 +119,24 @@ def _beside_noise(sets: Sequence[OnAxis]) -> list[OnAxis]:
 
 
 def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Finding]:
-    """A finding on each axis of which the evidence is as sure as it can be that noise alone does not explain it.
+    """A finding on each axis where more than noise acts: noise alone is improbable and the excess is of practical size.
 
-    Smaller odds may be those of a drift that the states of the noise do not describe. The finding is against what the likeliest
-    set has without a name, or against the variable that fits best. ``sets`` are those of :func:`with_probabilities`.
+    Where the excess is smaller, the evidence must be as sure as it can be: smaller odds may be those of a drift that the states
+    of the noise do not describe. The finding is against what the likeliest set has without a name, or against the
+    variable that fits best. ``sets`` are those of :func:`with_probabilities`.
     """
     out = []
-    for axis, noise in ((one.axis, one.found) for one in sets if one.found.noise_alone):
-        if axis in comparison.unsure or not beyond(-noise.log_odds):
+    for axis, noise, told in ((one.axis, one.found, one.probability) for one in sets if one.found.noise_alone):
+        matters = told < POLICY.adequate_noise and comparison.excess_share(axis) > POLICY.practical_excess
+        if axis in comparison.unsure or not (matters or beyond(-noise.log_odds)):
             continue
-        best, nearest = next(one.found for one in sets if one.axis == axis), comparison.nearest.get(axis)
+        something = (one.found for one in sets if one.axis == axis and not one.found.noise_alone)
+        best, nearest = next(something, noise), comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
         words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
-        note = f"noise alone has a probability below {percentage(TOLD)}; the likeliest of what may be there is {words}"
+        probability = f"of {percentage(told)}" if told >= TOLD else f"below {percentage(TOLD)}"
+        likeliest = f"; the likeliest of what may be there is {words}" if words else ""
+        note = f"noise alone has a probability {probability}{likeliest}"
         amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
         strength = float(np.sqrt(-2 * noise.log_odds))
         out.append(Finding(axis, against, strength, noise.probability, amplitude_dps, note, of_sets=True))

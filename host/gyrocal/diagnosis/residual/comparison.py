@@ -117,6 +117,19 @@ class Comparison(Judged):
         """The axes on which no effect is named, because the true rate may be another one."""
         return plausibility.unsure(self.warnings, self.fit.session)
 
+    def excess_share(self, axis: str) -> float:
+        """The excess of an axis over its floor, of all or within power cycles, whichever is larger; 0 if it is not known.
+
+        It is that of net angles in a session that is judged by them.
+        """
+        if self.angles is not None:
+            of_angle = self.angles.level(axis)
+            excess, floor = of_angle.excess_deg or 0.0, of_angle.floor_deg or 0.0
+        else:
+            level = self.per_axis[axis]
+            excess, floor = max(level.excess_dps or 0.0, level.excess_within_dps or 0.0), level.floor_dps
+        return excess / floor if floor > 0 else 0.0
+
     @property
     def own_axis(self) -> str:
         """The session's axis."""
