@@ -69,18 +69,26 @@ class Found:
     warnings: list[Warning]
     moved: int = 0
     """Number of quiet stretches that are left out because the sensor moved."""
+    scatter_dps: float = 0.0
+    """Scatter of the mean rates of these stretches where it shows that none is a rest, deg/s."""
 
 
 def look(session: Session) -> Found:
     """Rests and movements of all runs, however few they are."""
     rests: list[Rest] = []
+    turning: list[Rest] = []
     for louder in POLICY.rest_factors:
-        found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
+        found = [rest for number, run in enumerate(session.runs) for rest in _joined(run, number, _still(run, louder))]
+        if _scatter_dps(found) > POLICY.rest_rate_dps:
+            turning = max(turning, found, key=len)
+            continue
         rests = max(rests, found, key=_poses)
         if _poses(rests) >= POLICY.enough_rests:
             break
     moved = _moved(session, rests)
     kept = [r for i, r in enumerate(rests) if i not in moved]
+    if turning and len(kept) < POLICY.fewest_rests:
+        return Found([], [], [], len(turning), _scatter_dps(turning))
     warnings = _told(session, rests, moved)
     movements = [
         Movement(a.run, a.stop - 1, b.start + 1, i, i + 1)
@@ -96,6 +104,47 @@ def look(session: Session) -> Found:
         )
         warnings.append(Warning("clipped", None, None, text))
     return Found(kept, movements, warnings, len(moved))
+
+
+def _joined(run: Run, number: int, still: Sequence[tuple[int, int]]) -> list[Rest]:
+    """The rests of a run. Still stretches are one rest if the readings between them lead nowhere, and gravity stays."""
+    out: list[Rest] = []
+    for start, stop in still:
+        rest = _rest(run, number, start, stop)
+        if out and _stays(run, out[-1], rest):
+            rest = _rest(run, number, out.pop().start, stop)
+        out.append(rest)
+    return out
+
+
+def _stays(run: Run, before: Rest, after: Rest) -> bool:
+    """True if the sensor lies in one pose from one rest to the next: a rest that a knock cut, or a few noisy samples.
+
+    A turn that leads back to the pose, or turns about gravity, is a way of the readings between them.
+    """
+    between = slice(before.stop - 1, after.start + 1)
+    still = np.concatenate([run.gyro_dps[r.start : r.stop] - r.gyro_dps for r in (before, after)])
+    bias_dps = (before.gyro_dps * before.rows + after.gyro_dps * after.rows) / len(still)
+    steps_s = np.diff(run.sample_s[between])
+    way_deg = np.linalg.norm(np.cumsum((run.gyro_dps[between] - bias_dps)[1:] * steps_s[:, None], axis=0), axis=1)
+    error_deg = float(np.sqrt(still.var(axis=0).sum() * (np.sum(steps_s**2) + steps_s.sum() ** 2 / len(still))))
+    if way_deg.max() > POLICY.same_pose_deg or way_deg[-1] > POLICY.rest_turns_errors * error_deg:
+        return False
+    whole = _rest(run, before.run, before.start, after.stop)
+    return not _gravity_turns_deg(run, whole)
+
+
+def _scatter_dps(rests: Sequence[Rest]) -> float:
+    """How far the mean rates of rests are apart: the least of their scatter and of that from one to the next, deg/s.
+
+    A bias may wander over a recording, and some rests may have moved, but the most of them read alike or like their neighbour.
+    """
+    if len(rests) < 3:
+        return 0.0
+    means = np.array([rest.gyro_dps for rest in rests])
+    whole = np.median(np.abs(means - np.median(means, axis=0)), axis=0)
+    successive = np.median(np.abs(np.diff(means, axis=0)), axis=0) / 2**0.5
+    return ROBUST * float(np.minimum(whole, successive).max())
 
 
 def _poses(rests: Sequence[Rest]) -> int:
@@ -125,7 +174,9 @@ def _lacking(found: Found) -> str:
     few = len(found.rests) < POLICY.fewest_rests
     if not few and found.movements:
         return ""
-    also = f" ({found.moved} more moved and are left out)" if found.moved else ""
+    apart = found.scatter_dps
+    worn = f": their mean rates scatter by {apart:.2g} dps, as of a sensor that is worn" if apart else ""
+    also = f" ({found.moved} more moved and are left out{worn})" if found.moved else ""
     lacking = f"and {POLICY.fewest_rests} are needed at least" if few else "but no movement that leads from one to the next"
     return (
         f"{number_of(len(found.rests), 'rest')} found{also}, {lacking}. "
@@ -193,13 +244,8 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
     """Rests in which the sensor turned slowly, by their index, with the evidence in words."""
     out: dict[int, str] = {}
     for i, rest in enumerate(rests):
-        acc_g = filled_acc_g(session.runs[rest.run])[rest.start : rest.stop]
-        half = rest.rows // 2
-        first, last = acc_g[:half].mean(axis=0), acc_g[-half:].mean(axis=0)
-        error = float(np.sqrt(np.diff(acc_g, axis=0).var(axis=0).max() / half))
-        turned = float(np.linalg.norm(first - last)) / max(float(np.linalg.norm(first + last)) / 2, 1e-9)
-        if turned > max(np.deg2rad(POLICY.rest_turns_deg), POLICY.rest_turns_errors * error):
-            out[i] = f"gravity turns by {np.rad2deg(2 * turned):.1f} deg"
+        if turned_deg := _gravity_turns_deg(session.runs[rest.run], rest):
+            out[i] = f"gravity turns by {turned_deg:.1f} deg"
     for run in {r.run for r in rests}:
         mine = [i for i, r in enumerate(rests) if r.run == run and i not in out]
         if len(mine) < 3:
@@ -211,6 +257,17 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
             if np.any(off > limit):
                 out[i] = f"the mean rate is {off.max():.1f} dps off that of the other rests"
     return out
+
+
+def _gravity_turns_deg(run: Run, rest: Rest) -> float:
+    """The angle by which gravity turns within a rest, deg; 0 where this may be noise."""
+    acc_g = filled_acc_g(run)[rest.start : rest.stop]
+    half = rest.rows // 2
+    first, last = acc_g[:half].mean(axis=0), acc_g[-half:].mean(axis=0)
+    error = float(np.sqrt(np.diff(acc_g, axis=0).var(axis=0).max() / half))
+    turned = float(np.linalg.norm(first - last)) / max(float(np.linalg.norm(first + last)) / 2, 1e-9)
+    clear = turned > max(np.deg2rad(POLICY.rest_turns_deg), POLICY.rest_turns_errors * error)
+    return float(np.rad2deg(2 * turned)) if clear else 0.0
 
 
 def _clips(session: Session, movement: Movement) -> bool:
