@@ -51,3 +51,15 @@ def test_a_sensor_that_is_worn_has_no_rests() -> None:
     assert not found.movements
     (lacking,) = check(walked)
     assert f"0 rests found ({found.moved} more moved and are left out: their mean rates scatter by" in lacking.text
+
+
+def test_readings_at_rest_that_are_far_from_zero_are_told_and_what_they_may_be() -> None:
+    """An offset of -529 counts read -32 dps at rest without a word."""
+    session = turned_by([*ROUND, *ROUND])
+    (run,) = session.runs
+    assert check(session) == []
+    far = session.with_runs([replace(run, frame=run.table.with_columns(run.table["gz_dps"] - 32.0))])
+    (told,) = check(far)
+    assert (told.code, told.axis, told.blocking) == ("bias_implausible", "z", False)
+    assert "far from zero (z -32 dps)" in told.text
+    assert told in look(far).warnings

@@ -446,6 +446,15 @@ def test_a_stamp_that_goes_on_by_one_counts_the_samples_of_a_stated_rate() -> No
     assert taken == ["t_s=timestamp*0.00390625", "t_s=timestamp:ms", "t_s=timestamp:ms"]
 
 
+@pytest.mark.parametrize("parts", [["R", "P", "Y"], ["Roll", "Pitch", "Yaw"]])
+def test_rates_by_roll_pitch_and_yaw_are_x_y_and_z(tmp_path: Path, parts: list[str]) -> None:
+    """``GyroY`` alone was taken, for y, though it is the yaw."""
+    table = columns(["time", *[f"Gyro{part}" for part in parts], "AccX", "AccY", "AccZ"], 300, 1.0, 1)
+    table.write_csv(tmp_path / "log.csv")
+    found = {g.map.partition("=")[0]: g.map.partition("=")[2] for g in guess(read(tmp_path / "log.csv"), Scaling())}
+    assert [found[f"g{axis}_dps"] for axis in "xyz"] == [f"Gyro{part}:dps" for part in parts]
+
+
 def test_a_magnetic_field_is_no_temperature() -> None:
     table = columns(["time", *xyz("gyro_")], 300, 1.0, 1).with_columns(pl.lit(31.3).alias("Magnetic Field/X uT"))
     assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("temp_c")]
@@ -498,3 +507,14 @@ def test_a_temperature_that_is_equal_in_every_row_is_told(tmp_path: Path, moves:
     found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
     (told,) = [g for g in found.guessed if g.map.startswith("temp_c=")]
     assert ("25 in every row" in told.why) == (not moves)
+
+
+def test_columns_that_name_a_gyroscope_and_are_not_taken_are_named(tmp_path: Path) -> None:
+    """Of three columns one was taken, and of the others no word was said."""
+    columns(["time", "GyroA", "GyroB", "GyroZ"], 300, 1.0, 1).write_csv(tmp_path / "log.csv")
+    (rate,) = [g for g in guess(read(tmp_path / "log.csv"), Scaling()) if g.map.startswith("gz_dps")]
+    assert rate.why.endswith("; not GyroA, GyroB")
+    wide = pl.DataFrame({f"c{i}": np.arange(50.0) for i in range(60)} | {"gz": np.arange(50.0), "TimeLog": np.arange(50.0)})
+    wide.write_csv(tmp_path / "wide.csv")
+    with pytest.raises(InputError, match="columns not taken: TimeLog, c0"):
+        read_recording(tmp_path / "wide.csv", Options.of(["gz_dps=gz:dps"], {"table_rate_dps": 0.0}))

@@ -10,13 +10,13 @@ from gyrocal.warning import Warning, accepted
 
 
 def check(session: Session) -> list[Warning]:
-    """``not_at_rest`` where rests are too few, else ``scale_implausible`` where the rates are not of gravity's size."""
-    lacking = rests.check(session)
-    if lacking:
-        return lacking
+    """What rests show, and unless they are too few, ``scale_implausible`` where the rates are not of gravity's size."""
+    found = accepted(rests.check(session), session.accept)
+    if any(warning.code == "not_at_rest" for warning in found):
+        return found
     try:
-        return [warning for warning in Scene.of(session).warnings if warning.code == "scale_implausible"]
+        return found + [warning for warning in Scene.of(session).warnings if warning.code == "scale_implausible"]
     except SmallRatesError as error:
-        return accepted([Warning("scale_implausible", None, None, str(error), True)], session.accept)
+        return found + accepted([Warning("scale_implausible", None, None, str(error), True)], session.accept)
     except InputError:  # the accelerations are not near 1 g, which accel_unit tells
-        return []
+        return found

@@ -15,7 +15,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array, Run, Session
+from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.tails import ROBUST
 from gyrocal.units import number_of
 from gyrocal.warning import Warning
@@ -89,7 +89,7 @@ def look(session: Session) -> Found:
     kept = [r for i, r in enumerate(rests) if i not in moved]
     if turning and len(kept) < POLICY.fewest_rests:
         return Found([], [], [], len(turning), _scatter_dps(turning))
-    warnings = _told(session, rests, moved)
+    warnings = [*_told(session, rests, moved), *_far_from_zero(kept)]
     movements = [
         Movement(a.run, a.stop - 1, b.start + 1, i, i + 1)
         for i, (a, b) in enumerate(pairwise(kept))
@@ -164,9 +164,28 @@ def find(session: Session) -> Found:
 
 
 def check(session: Session) -> list[Warning]:
-    """``not_at_rest`` where a session has too few rests, or no movement between them, for every command that needs them."""
-    lacking = _lacking(look(session))
-    return [Warning("not_at_rest", None, None, lacking)] if lacking else []
+    """For every command that needs rests: ``not_at_rest`` where a session has too few, or no movement between them, and
+    ``bias_implausible`` where its readings at rest are far from zero.
+    """
+    found = look(session)
+    lacking = _lacking(found)
+    far = [warning for warning in found.warnings if warning.code == "bias_implausible"]
+    return [*([Warning("not_at_rest", None, None, lacking)] if lacking else []), *far]
+
+
+def _far_from_zero(rests: Sequence[Rest]) -> list[Warning]:
+    """``bias_implausible``: axes that read at rest, in the middle, what is no bias of a gyroscope."""
+    middle = np.median([rest.gyro_dps for rest in rests], axis=0) if rests else np.zeros(3)
+    far = [i for i in range(3) if abs(middle[i]) > POLICY.rest_alone_dps]
+    if not far:
+        return []
+    reads = ", ".join(f"{AXES[i]} {middle[i]:.4g} dps" for i in far)
+    text = (
+        f"the readings at rest are far from zero ({reads}), and gyroscopes have a bias of a few dps. An offset of the counts "
+        "was not taken off (--map 'gx_dps=(COLUMN-ZERO):counts' when importing), their unit or the size of one count is wrong, "
+        "or the sensor turned steadily"
+    )
+    return [Warning("bias_implausible", AXES[far[0]] if len(far) == 1 else None, None, text)]
 
 
 def _lacking(found: Found) -> str:

@@ -125,7 +125,9 @@ def _beyond_a_bias(off_dps: float) -> bool:
 def _steady_text(m: Mean, axis: str) -> str:
     return (
         f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps throughout, and gyroscopes have a bias of a "
-        "few: the sensor turned steadily. Give its true rate (table_rate_dps), or record the rest with the sensor still"
+        "few: the sensor turned steadily, or an offset of the counts was not taken off. Give its true rate (table_rate_dps), "
+        f"map the column less its zero (--map 'g{axis}_dps=(COLUMN-ZERO):counts' when importing), or record the rest with the "
+        "sensor still"
     )
 
 

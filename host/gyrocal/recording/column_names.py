@@ -16,6 +16,8 @@ GYRO = (
 SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
 """Words that are clear also behind the axis, as in ``x_gyro``, and behind capitals, as in ``SENSgyro``."""
 TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
+TURN_LETTERS = (("roll", "pitch", "yaw"), ("r", "p", "y"))
+"""Words and letters that stand for x, y and z behind a word for rates: ``GyroY`` beside ``GyroR`` and ``GyroP`` is no y."""
 BODY_RATES = {"x": "p", "y": "q", "z": "r"}
 """Names of flight mechanics, which single letters are only beside :data:`OF_A_BODY` or a unit of a rate."""
 OF_A_BODY = {"phi", "theta", "psi", "roll", "pitch", "yaw", "u", "v", "w", "ax", "ay", "az", "alpha", "beta"}
@@ -95,10 +97,27 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     number = rf"\.{AXES.index(axis)}|\[{AXES.index(axis)}\]" + _counted(stem, units + kind, bare.values(), axis)
     behind = rf"(?:.*[/._])?{axis}_?(?={SPELLED})(?:{words}){units}{kind}"
     named = rf"{stem}(?:[_./]?{axis}|{number}){units}{kind}|{behind}"
+    if GYRO in words and (turned := _turned(words, units + kind, bare.values())):
+        named = turned[AXES.index(axis)]
     found = [name for name, word in bare.items() if re.fullmatch(named, word) and not re.fullmatch(NO_READING, word)]
     found = [name for name in found if "rot" not in bare[name] or not _is_orientation(name, bare)]
     turn = rf"(?:.*[/._])?{TURNS[axis]}_?(?:rate|speed|velocity){units}"
     return found or [name for name, word in bare.items() if GYRO in words and re.fullmatch(turn, word)]
+
+
+def _turned(words: str, tail: str, names: Collection[str]) -> list[str]:
+    """The patterns of rates by roll, pitch and yaw, where a table has all three and no x or z; else none."""
+
+    def pattern(part: str) -> str:
+        return rf"(?:.*[/._])?(?=(?:{SPELLED})[_./]?{part})(?:{words})[_./]?{part}{tail}"
+
+    def is_there(part: str) -> bool:
+        return any(re.fullmatch(pattern(part), name) for name in names)
+
+    for parts in TURN_LETTERS:
+        if all(map(is_there, parts)) and not any(map(is_there, "xz")):
+            return [pattern(part) for part in parts]
+    return []
 
 
 def _counted(stem: str, tail: str, names: Collection[str], axis: str) -> str:

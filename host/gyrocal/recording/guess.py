@@ -132,7 +132,7 @@ def guess(
         maker = PHONE if phone else "the accelerometer is in m/s2" if si else ""
         unit = unit_of_gyro(source, gyro, _moves(source, found, scaling), _with_reference(known, source, found), maker, scaling)
         for axis, name in gyro.items():
-            others = ", ".join(n for n in every[axis] if n != name)
+            others = ", ".join(n for n in (*every[axis], *_left(source, gyro)) if n != name)
             why = f"{unit.why}; not {others}" if others else unit.why
             _add(found, Guess(f"g{axis}_dps={name}{unit.text}", why, asks=not unit.sure))
     if not any(f"g{a}_dps" in found for a in AXES):
@@ -148,6 +148,14 @@ def guess(
         if "ref_qw" not in found:
             _add(found, _reference(source, found))
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
+
+
+def _left(source: Source, gyro: Mapping[str, str]) -> list[str]:
+    """The columns that a word names as a gyroscope's, of which no axis was recognized, where not all three axes were."""
+    if len(gyro) == len(AXES):
+        return []
+    named = r"(?:.*[/._])?(?:gyro(?:scope)?s?|giro|gyrs?|omega)_?[a-z0-9]{1,2}"
+    return [n for n in source.frame.columns if n not in gyro.values() and re.fullmatch(named, bare_name(n)[0])]
 
 
 def _acceleration(source: Source, scaling: Scaling) -> list[Guess]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +41,8 @@ MARKED = r"^(\d{4})[-_/.](\d\d)[-_/.](\d\d)[-_ T](\d\d)[-_.](\d\d)[-_.](\d\d)"
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
+LIKELY = r"(?i)gyr|giro|omega|angular|rate|time|stamp|(?:^|[/._ ])[tw](?:$|[/._ ])"
+"""Words of rates and times, whose columns are shown first among those that are not taken."""
 """Names of columns that an error lists."""
 
 
@@ -86,7 +89,8 @@ class Source:
     def not_taken(self, mappings: Sequence[ColumnMap]) -> str:
         """The columns that no mapping takes, in words that end an error."""
         taken = {m.column for m in mappings}
-        left = [name for name in self.frame.columns if name not in taken]
+        left = [name for name in self.names or self.frame.columns if name not in taken]
+        left.sort(key=lambda name: re.search(LIKELY, name) is None)
         return f"; columns not taken: {', '.join(left[:SHOWN_COLUMNS])}" if left else ""
 
     def _column(self, mapping: ColumnMap) -> tuple[pl.Series, float]:
