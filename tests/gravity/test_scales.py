@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from by_hand import turned_by
+from gyrocal.gravity.calibrate import calibrate
 from gyrocal.gravity.compare import measure
 from gyrocal.recording.session import Session
 
@@ -27,3 +29,15 @@ def test_a_scale_that_the_movements_leave_unsure_is_no_scale() -> None:
     """Scales unsure by 29 % stood beside the verdict adequate."""
     found = measure(turned_by([("y", 90.0), ("y", -90.0)] * 4))
     assert {(w.code, w.axis) for w in found.warnings} >= {("no_answer", "x"), ("no_answer", "z")}
+
+
+def test_too_few_turns_are_told_of_the_axes_alone_that_lack_them() -> None:
+    """All axes of a noisy sensor were said to turn gravity too seldom, though one of them turned it eight times."""
+    session = turned_by([("y", 90.0), ("y", -90.0)] * 4)
+    noise_dps = np.random.default_rng(1).normal(0, 1.0, (len(session.runs[0]), 3))
+    columns = [session.runs[0].table[f"g{a}_dps"] + noise_dps[:, i] for i, a in enumerate("xyz")]
+    noisy = session.with_runs([replace(session.runs[0], frame=session.runs[0].table.with_columns(columns))])
+    told = {w.axis: w.text for w in calibrate(noisy).warnings if w.code == "no_answer"}
+    assert "because too few turn gravity about x" in told["x"]
+    assert "because too few turn gravity about z" in told["z"]
+    assert "although they turn gravity about y; most of that comes from the gyroscope noise: move quickly" in told["y"]

@@ -8,6 +8,7 @@ import pytest
 
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.effects.quantities import acceleration_g, pose_changes
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from gyrocal.recording.stamps import period_s
@@ -243,3 +244,23 @@ def test_a_program_whose_steps_scatter_is_told_to_have_gone_over_to_another_rate
     assert float(named[1]) == pytest.approx(early_hz, rel=0.1)
     assert float(named[3]) == pytest.approx(late_hz, rel=0.1)
     assert abs(float(named[2]) - t_s[early]) < 20 / min(early_hz, late_hz)
+
+
+def test_a_damaged_packet_of_the_accelerometer_is_told_and_no_effect_sees_it() -> None:
+    """Three packets of 26 g turned gravity in the means of their seconds; a motion as large is none."""
+    rng = np.random.default_rng(2)
+    t_s = np.arange(3000) / 100.0
+    acc_g = {name: g + rng.normal(0, 0.01, t_s.size) for name, g in (("ax_g", 0.0), ("ay_g", 0.0), ("az_g", 1.0))}
+    gyro_dps = rng.normal(0, 0.05, (t_s.size, 3))
+    damaged = {name: values.copy() for name, values in acc_g.items()}
+    for name, size_g in (("ax_g", -26.0), ("az_g", 26.0)):
+        damaged[name][1200:1203] = size_g
+    run = make_run(t_s, gyro_dps, table_rate_dps=0.0, **damaged)
+    (told,) = [w for w in check(make_session(run)) if w.code == "line_damaged"]
+    assert told.text.startswith("3 accelerations stand alone out of those beside, by up to 26")
+    seen = acceleration_g(run)
+    assert seen is not None
+    assert np.abs(seen - [0.0, 0.0, 1.0]).max() < 0.1
+    assert not pose_changes([run])
+    shaken = acc_g | {"ax_g": acc_g["ax_g"] + 9.0 * np.sin(40 * t_s) * (np.abs(t_s - 12) < 1)}
+    assert not [w for w in check(make_session(make_run(t_s, gyro_dps, **shaken))) if w.code == "line_damaged"]

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
+from gyrocal.policy import POLICY
 from gyrocal.recording.once import once_a_run
+from gyrocal.recording.outliers import Index, alone
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.smoothing import convolved
 
@@ -163,10 +165,20 @@ def warming_c(run: Run) -> Array:
 
 
 def acceleration_g(run: Run) -> Array | None:
-    """Acceleration, shape [n, 3], g."""
+    """Acceleration, shape [n, 3], g. Single readings of damaged packets or knocks are put back to those beside."""
     if run.acc_g is None:
         return None
-    return np.column_stack([_filled(run.acc_g[:, i], run.t_s) for i in range(3)])
+    acc_g = np.column_stack([_filled(run.acc_g[:, i], run.t_s) for i in range(3)])
+    for i, (rows, apart_g) in enumerate(damaged_accelerations(run)):
+        acc_g[rows, i] -= apart_g
+    return acc_g
+
+
+@once_a_run
+def damaged_accelerations(run: Run) -> list[tuple[Index, Array]]:
+    """For each axis of the accelerometer the rows [k] of damaged packets, and by how much they are off, g."""
+    assert run.acc_g is not None
+    return [alone(_filled(run.acc_g[:, i], run.t_s), POLICY.motion_g) for i in range(3)]
 
 
 @once_a_run

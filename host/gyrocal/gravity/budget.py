@@ -41,7 +41,7 @@ class BudgetRow:
 
 
 def budget(fitted: GravityFit) -> list[BudgetRow]:
-    """The rows of each axis, the largest share of the scale's error first."""
+    """The rows of each axis that has a scale and a bias, the largest share of the scale's error first."""
     seen = fitted.observations
     gain = fitted.covariance @ seen.columns.T @ np.linalg.inv(fitted.noise)
     movements = seen.movement_rows
@@ -56,6 +56,8 @@ def budget(fitted: GravityFit) -> list[BudgetRow]:
     out = []
     for axis in AXES:
         index = {p.term.effect.role: k for k, p in enumerate(fitted.parameters) if p.term.axis == axis}
+        if not {Role.SCALE, Role.BIAS} <= set(index):
+            continue
         k_scale, k_bias = index[Role.SCALE], index[Role.BIAS]
         rows = []
         for cause, part in parts.items():

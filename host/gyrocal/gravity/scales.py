@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gyrocal.effects.base import Role
+from gyrocal.gravity.budget import budget
 from gyrocal.gravity.fit import GravityFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
@@ -18,13 +21,34 @@ def unseen(fitted: GravityFit, largest_se: float) -> list[Warning]:
     for axis in AXES:
         scale, se = _scale(fitted, axis)
         if se > largest_se or (se > POLICY.unseen and abs(scale) > POLICY.largest_scale):
-            text = (
-                f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
-                f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "
-                "several times both ways, with a rest of two seconds before and after"
-            )
+            text = f"no scale for {axis}: the movements leave it unsure by {se:.0%}, {_reason(fitted, axis)}"
             out.append(Warning("no_answer", axis, None, text))
     return out
+
+
+def _reason(fitted: GravityFit, axis: str) -> str:
+    """Why the movements leave the scale of an axis unsure, and what to do: too few turn gravity about it, or what else."""
+    if _turns(fitted, axis) < 2:
+        return (
+            f"because too few turn gravity about {axis}. Rotation about gravity cannot be seen. Hold {axis} level, and turn "
+            "the sensor about it by 90 to 180 deg, several times both ways, with a rest of two seconds before and after"
+        )
+    row = next((row for row in budget(fitted) if row.axis == axis), None)
+    cause = f"; most of that comes from the {row.cause}: {row.advice}" if row is not None else ""
+    return f"although they turn gravity about {axis}{cause}"
+
+
+def _turns(fitted: GravityFit, axis: str) -> int:
+    """The number of movements that clearly turn gravity about an axis, by the readings."""
+    scene, i = fitted.observations.scene, AXES.index(axis)
+    count = 0
+    for movement in scene.movements:
+        run, rest = scene.session.runs[movement.run], scene.rests[movement.before]
+        rate_dps = run.gyro_dps[movement.start : movement.stop, i] - rest.gyro_dps[i]
+        turned_deg = abs(float(rate_dps[1:] @ np.diff(run.sample_s[movement.start : movement.stop])))
+        level = float(np.sqrt(max(1 - scene.up[movement.before, i] ** 2, 0.0)))
+        count += turned_deg * level > POLICY.clear_turn_deg
+    return count
 
 
 def implausible(fitted: GravityFit) -> list[Warning]:

@@ -8,23 +8,28 @@ from collections.abc import Set
 import numpy as np
 
 from gyrocal.digits import percentage
+from gyrocal.effects.quantities import damaged_accelerations
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.pauses import pauses_of
 from gyrocal.recording.scattered_rates import changes_of_rate
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.stamps import course, in_bursts, lost, period_s, regression, step_range_s
+from gyrocal.units import number_of
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
 
 
 def check(session: Session, moved: Set[str | None] = frozenset()) -> list[Warning]:
-    """``sample_rate``, ``samples_lost``, ``accel_unit`` and ``temp_unit``. The files of ``moved`` are no rests."""
+    """Of times ``sample_rate`` and ``samples_lost``, of units ``accel_unit`` and ``temp_unit``, and ``line_damaged``.
+
+    The files of ``moved`` are no rests.
+    """
     off = _sample_rate(session)
     mistimed = {w.file for w in off}
     timed = [*off, *_changed_rate(session, mistimed), *_lost(session, mistimed)]
-    return [*timed, *_acceleration(session, moved), *_temperature(session)]
+    return [*timed, *_acceleration(session, moved), *_damaged(session), *_temperature(session)]
 
 
 def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
@@ -65,6 +70,24 @@ def _acceleration(session: Session, moved: Set[str | None]) -> list[Warning]:
         f"Give the unit when importing (--map ax_g=COLUMN:{unit or 'UNIT'})"
     )
     return [Warning("accel_unit", None, None, text)]
+
+
+def _damaged(session: Session) -> list[Warning]:
+    """``line_damaged``: single accelerations that stand alone."""
+    out = []
+    for run in session.runs:
+        strays = [] if run.acc_g is None else damaged_accelerations(run)
+        if not any(rows.size for rows, _ in strays):
+            continue
+        rows = np.unique(np.concatenate([rows for rows, _ in strays]))
+        largest_g = max(float(np.abs(apart_g).max(initial=0.0)) for _, apart_g in strays)
+        text = (
+            f"{number_of(rows.size, 'acceleration')} stand{'s' * (rows.size == 1)} alone out of those beside, by up to "
+            f"{largest_g:.3g} g (at {run.t_s[rows[0]]:.6g} s), as in a packet that came damaged, or by a knock. Effects of the "
+            "acceleration are fitted without"
+        )
+        out.append(Warning("line_damaged", None, run.file, text))
+    return out
 
 
 def _pieces(session: Session) -> list[tuple[Array, Array]]:

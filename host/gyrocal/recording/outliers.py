@@ -47,6 +47,24 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     return (rows, _whole(y_dps, rows, nearer[rows])) if rows.size else nothing
 
 
+def alone(y: Array, least: float) -> tuple[Index, Array]:
+    """Rows [k] of readings [n] of a motion that stand out by more than ``least`` among still neighbours, and by how much [k].
+
+    A motion is felt before and after its largest reading, but a damaged packet comes alone.
+    """
+    from scipy.ndimage import median_filter
+
+    if y.size < WIDE:
+        return np.zeros(0, dtype=np.intp), np.zeros(0)
+    apart = y - median_filter(y, NEIGHBOURS, mode="nearest")
+    rows = np.flatnonzero(np.abs(apart) > least)
+    around = np.arange(NEIGHBOURS, WIDE // 2)
+    beside = np.clip(rows[:, None] + np.concatenate([-around, around]), 0, y.size - 1)
+    usual = y[beside].std(axis=1)
+    single = np.abs(apart[rows]) > STANDS_OUT * usual
+    return rows[single], apart[rows][single]
+
+
 def _usual_step(y_dps: Array) -> float:
     """The median change of coarse readings [n], deg/s, if nearly no change is much smaller, as with counts; else 0.
 
