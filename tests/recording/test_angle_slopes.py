@@ -161,6 +161,17 @@ def test_the_noise_of_jittered_stamps_in_motion_is_no_reason_to_leave_the_motion
     assert not found.noisy().any()
 
 
+def test_angles_that_are_quiet_at_rest_and_noisy_in_every_motion_are_kept() -> None:
+    """Interpolated angles have no noise at rest. A fast turn had most of the power, and the slower ones were left out."""
+    t_s, rng = np.arange(9_000) / 100, np.random.default_rng(8)
+    slow, fast = np.floor(t_s / 3) % 5 == 2, np.floor(t_s / 3) % 10 == 8
+    rate_dps = np.where(fast, 400.0, np.where(slow, 40.0, 0.0)) * np.sin(2 * np.pi * t_s / 3)
+    noise_deg = rng.normal(0, 1, t_s.size) * np.where(fast, 2.5e-3, np.where(slow, 5e-3, 1e-3))
+    angle_deg = np.cumsum(rate_dps) / 100 + noise_deg
+    found = angle_slopes(t_s, np.ones(t_s.size, dtype=bool), lambda rows: np.diff(angle_deg[rows])[:, None])
+    assert not found.noisy().any()
+
+
 @pytest.mark.parametrize("every", [1, 2, 5])
 def test_the_noise_of_interpolated_angles_is_that_of_the_measured_ones(every: int) -> None:
     rng = np.random.default_rng(0)

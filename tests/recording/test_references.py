@@ -214,6 +214,19 @@ def test_a_tracker_that_finds_the_sensor_again_slowly_is_left_out_until_then() -
     assert sum(w.code == "reference_jumps" for w in check(session)) == 1
 
 
+def test_of_a_turn_in_which_the_reference_is_off_for_a_moment_that_moment_alone_is_left_out() -> None:
+    """Beside rests, what a scale error makes of a turn is far more than usual: whole turns went with a bad moment in them."""
+    rng = np.random.default_rng(8)
+    turns = np.floor(T_S / 2) % 3 == 1
+    true_dps = 3.0 * motion(T_S) * turns[:, None]
+    gyro = 1.02 * true_dps + rng.normal(0, 0.05, true_dps.shape)
+    wrong = (T_S > 8.9) & (T_S < 9.1)
+    reference = true_dps + np.where(wrong[:, None], [300.0, 0.0, -300.0], 0.0)
+    run = registered(with_reference(gyro, Reference(), **rates(reference))).runs[0]
+    assert not run.reached[wrong].any()
+    assert np.mean(run.reached) > 0.97
+
+
 def test_a_reference_that_is_often_wrong_is_told_and_kept() -> None:
     """With losses beside nearly every sample of a run, it is not clear whether the tracker or the sensor is wrong."""
     rng = np.random.default_rng(8)

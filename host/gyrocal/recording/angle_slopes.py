@@ -68,7 +68,8 @@ class AngleSlopes(NamedTuple):
     def noisy(self) -> Mask:
         """True for the angles [n] among neighbours with much more noise than usual: a tracker sees few markers.
 
-        None is, where most of the motion is among them: stamps that jitter add to the noise wherever the sensor turns.
+        None is, where most of the motion is among them: stamps that jitter add to the noise wherever the sensor turns. Nor is
+        one that is as noisy as fast turns are, as of angles that were interpolated, which have no noise at rest.
         """
         rows = np.flatnonzero(np.isfinite(self.left_deg).all(axis=1))
         found = np.zeros(len(self.left_deg), dtype=bool)
@@ -80,7 +81,11 @@ class AngleSlopes(NamedTuple):
         found[rows] = level > POLICY.noisy_times**2 * np.median(level)
         power = np.nansum(self.rates**2, axis=1)
         left_out = max(float(found[rows].mean()), float(power[found].sum()) / (float(power.sum()) or 1.0))
-        return found if left_out <= POLICY.lost_most else np.zeros_like(found)
+        if left_out > POLICY.lost_most:
+            return np.zeros_like(found)
+        fast = power[rows] > power[rows].mean()
+        found[rows] &= level > POLICY.noisy_times**2 * (np.median(level[fast]) if fast.any() else 0.0)
+        return found
 
 
 def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, steadier: bool = False) -> AngleSlopes:
