@@ -498,3 +498,23 @@ def test_a_second_file_is_put_onto_the_repaired_times_of_the_samples(tmp_path: P
     assert "sample_rate" in {w.code for w in found.warnings}
     assert np.mean(known) > 0.9
     assert np.allclose(angle[known], 80 * np.sin(0.9 * t_s[known]), atol=0.5)
+
+
+@pytest.mark.parametrize("stated", ["above", "option"])
+def test_a_second_file_without_a_time_has_the_rate_that_is_stated(stated: str, tmp_path: Path) -> None:
+    """Its own lines say it, or the option; a file of the sensor with as little was taken."""
+    u = np.arange(0, 60, 0.05)
+    ref_hz = 10.0 if stated == "above" else 20.0
+    angle_deg = 80 * np.sin(0.9 * np.arange(0, 60, 1 / ref_hz))
+    noise = np.random.default_rng(5).normal(0, 0.1, (u.size, 2))
+    pl.DataFrame({"x": noise[:, 0], "y": noise[:, 1], "z": 72 * np.cos(0.9 * u)}).write_csv(tmp_path / "imu.csv")
+    above = "# sampling rate: 10 Hz\n" if stated == "above" else ""
+    (tmp_path / "ref.csv").write_text(above + pl.DataFrame({"angle_deg": angle_deg, "load": 0.0 * angle_deg}).write_csv())
+    rates = [m for m in MAPS if not m.startswith("t_s")]
+    for maps in ((), ["ref_angle_deg=angle_deg"]):
+        options = Options.of(rates, {"rate_hz": 20.0, "second": SecondFile(tmp_path / "ref.csv", maps)})
+        table = read_recording(tmp_path / "imu.csv", options).session.runs[0].table
+        t_s, angle = table["t_s"].to_numpy(), table["ref_angle_deg"].to_numpy()
+        known = np.isfinite(angle)
+        assert np.mean(known) > 0.9
+        assert np.allclose(angle[known], 80 * np.sin(0.9 * t_s[known]), atol=0.5)

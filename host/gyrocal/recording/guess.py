@@ -198,13 +198,13 @@ def _moves(source: Source, found: Mapping[str, Guess], scaling: Scaling) -> Moti
     return Motion(t_s, np.column_stack(acc) if len(acc) == len(AXES) else None, of_table(source))
 
 
-def guess_reference(source: Source) -> list[Guess]:
+def guess_reference(source: Source, rate_hz: float | None = None) -> list[Guess]:
     """The mapping of a reference's own file: its time, and an orientation, rates about three axes, or one rate or angle.
 
-    InputError where none of them is recognized.
+    With the rate of its samples, Hz, it needs no time. InputError where none of them is recognized.
     """
     found: dict[str, Guess] = {}
-    _add(found, time_column(source))
+    _add(found, time_column(source, rate_hz))
     for guessed in _orientation(source, rf"(?:.*[/._ ])?(?:{OWN_FILE})") or _orientation(source, ""):
         _add(found, guessed)
     rates = [first_named(source, rf"{GYRO}|{REFERENCE}", axis) for axis in AXES]
@@ -215,7 +215,7 @@ def guess_reference(source: Source) -> list[Guess]:
             _add(found, Guess(f"ref_{axis}_dps={name}:{unit or 'dps'}", f"the true rate: {why}"))
     elif "ref_qw" not in found:
         _add(found, _reference(source, found) or _only_angle_or_rate(source, found))
-    if "t_s" not in found or len(found) < 2:
+    if ("t_s" not in found and rate_hz is None) or not set(found) - {"t_s"}:
         raise InputError(
             f"{source.label}: no time and reference are recognized among {', '.join(source.frame.columns[:40])}; say which "
             "columns to take: --ref-map t_s=COLUMN:UNIT --ref-map ref_angle_deg=COLUMN:UNIT (or rate_ref_dps, ref_x_dps, "

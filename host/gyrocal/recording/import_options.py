@@ -122,5 +122,5 @@ def with_second(options: Options) -> WithSecond:
     """The options with the columns of the reference's own file, if there is one."""
     if options.second is None:
         return WithSecond(options)
-    second, guessed = options.second.guessed()
+    second, guessed = options.second.guessed(options.scaling.rate_hz)
     return WithSecond(replace(options, second=second), guessed, second.first_rows(options.scaling, guessed))

@@ -22,6 +22,7 @@ from gyrocal.recording.session import Array
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamped import even
 from gyrocal.recording.stamps import typical_step_s
+from gyrocal.recording.stated import rate_hz as stated_rate_hz
 from gyrocal.recording.timing import between
 from gyrocal.recording.trajectory import KITTI, columns_of, with_times
 
@@ -32,8 +33,9 @@ REACH = 3.0
 
 @dataclass(frozen=True)
 class SecondFile:
-    """The file of the reference: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if both have one clock.
+    """The file of the reference: ``maps`` as for the sensor's file; ``clock`` "same" if both have one clock.
 
+    Without ``t_s`` its samples begin with the sensor's, at the rate that a line above its table states, or else ``--rate-hz``.
     ``names`` are all columns of a text without a header. ``later_s`` is added to the times of a clock of its own, s.
     """
 
@@ -44,7 +46,7 @@ class SecondFile:
     names: Sequence[str] | None = None
     later_s: float = 0.0
 
-    def guessed(self) -> tuple[SecondFile, tuple[Guess, ...]]:
+    def guessed(self, rate_hz: float | None = None) -> tuple[SecondFile, tuple[Guess, ...]]:
         """The file with a guess at its columns; as it is, with no guess, if they are given."""
         if self.maps:
             return self, ()
@@ -58,7 +60,7 @@ class SecondFile:
             file = replace(self, names=names)
             why = ORDER_OF_TUM if "qw" in names else "no header: poses of KITTI, with the times of times.txt"
             source, found = file._read(), [Guess(",".join(names), why, "--ref-columns")]
-        found += guess_reference(source)
+        found += guess_reference(source, stated_rate_hz(source.above) or rate_hz)
         return replace(file, maps=[g.map for g in found if g.option == "--ref-map"]), tuple(found)
 
     def first_rows(self, scaling: Scaling, guessed: Sequence[Guess]) -> tuple[Taken, ...]:
@@ -82,6 +84,8 @@ class SecondFile:
         source = self._read([m.column for m in mappings])
         source.check_has([m.column for m in mappings])
         columns = {m.target: source.numbers(m) for m in mappings}
+        if "t_s" not in columns and (rate_hz := stated_rate_hz(source.above) or scaling.rate_hz) is not None:
+            columns["t_s"] = np.arange(source.frame.height) / rate_hz
         return typical_rate_dps(columns.pop("t_s"), columns) if "t_s" in columns else None
 
     def motion(self, first_s: float, last_s: float, start_s: float, scaling: Scaling) -> Motion:
@@ -93,16 +97,18 @@ class SecondFile:
         mappings = self._mappings(scaling)
         by_target = {m.target: m for m in mappings}
         other = sorted(set(by_target) - {"t_s", *REFERENCES})
-        if other or "t_s" not in by_target or len(by_target) < 2:
-            wrong = f"{other[0]} is no reference" if other else "map t_s and a reference"
-            raise InputError(f"--ref-map: {wrong}; references are {', '.join(REFERENCES)}")
         source = self._read([m.column for m in mappings])
+        rate_hz = stated_rate_hz(source.above) or scaling.rate_hz
+        if other or not set(by_target) - {"t_s"} or ("t_s" not in by_target and rate_hz is None):
+            untimed = "" if "t_s" in by_target or rate_hz is not None else "t_s (or give --rate-hz) and "
+            wrong = f"{other[0]} is no reference" if other else f"map {untimed}a reference"
+            raise InputError(f"--ref-map: {wrong}; references are {', '.join(REFERENCES)}")
         source.check_has([m.column for m in mappings])
-        columns = dict(convert(source, mappings, scaling.rate_hz).columns)
+        columns = dict(convert(source, mappings, rate_hz).columns)
         times, _ = even(columns.pop("t_s"), lambda _: str(self.path), self.path.name)
         if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
             columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
-        apart_s = source.start_s(by_target["t_s"]) - start_s
+        apart_s = source.start_s(by_target["t_s"]) - start_s if "t_s" in by_target else first_s
         if apart_s + times[-1] < first_s or apart_s + times[0] > last_s:
             if self.clock == "same":
                 raise InputError(
