@@ -507,6 +507,10 @@ def test_a_temperature_that_is_equal_in_every_row_is_told(tmp_path: Path, moves:
     found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
     (told,) = [g for g in found.guessed if g.map.startswith("temp_c=")]
     assert ("25 in every row" in told.why) == (not moves)
+    stated = ["t_s=time_s", *[f"g{a}_dps=gyro_{a}_dps" for a in "xyz"], f"temp_c={name}"]
+    mapped = read_recording(tmp_path / "log.csv", Options(stated, defaults={"table_rate_dps": 0.0}))
+    assert ("temp_unit" in {w.code for w in mapped.warnings}) == (not moves)
+    assert "temp_unit" not in {w.code for w in found.warnings}
 
 
 def test_columns_that_name_a_gyroscope_and_are_not_taken_are_named(tmp_path: Path) -> None:
@@ -518,3 +522,14 @@ def test_columns_that_name_a_gyroscope_and_are_not_taken_are_named(tmp_path: Pat
     wide.write_csv(tmp_path / "wide.csv")
     with pytest.raises(InputError, match="columns not taken: TimeLog, c0"):
         read_recording(tmp_path / "wide.csv", Options.of(["gz_dps=gz:dps"], {"table_rate_dps": 0.0}))
+
+
+def test_a_time_is_no_temperature_too_and_an_acceleration_in_g_no_rate(tmp_path: Path) -> None:
+    """``t_imu`` was taken for both, and ``acc_bno_g`` for the gyroscope beside ``giro_bno_dps``."""
+    table = columns(["t_imu", *[f"acc_bno_g_{a}" for a in "xyz"], *[f"giro_bno_dps_{a}" for a in "xyz"]], 1.0, 300.0, 1)
+    table = table.with_columns(pl.Series("t_imu", np.arange(N) / 10.0))
+    table.write_csv(tmp_path / "log.csv")
+    found = {g.map.partition("=")[0]: g.map.partition("=")[2] for g in guess(read(tmp_path / "log.csv"), Scaling())}
+    assert found["t_s"].startswith("t_imu")
+    assert "temp_c" not in found
+    assert found["gx_dps"].startswith("giro_bno_dps_x")

@@ -16,6 +16,8 @@ GYRO = (
 SPELLED = r"gyro(?:scope)?|giro|gyr|omega|ang(?:ular)?_?(?:vel|velocity|rate|speed)|acc|accel|accl|accelerometer|acceleration"
 """Words that are clear also behind the axis, as in ``x_gyro``, and behind capitals, as in ``SENSgyro``."""
 TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
+OF_ACCELERATION = r"(?!.*(?:gyr|giro|omega|rate|ang)).*(?:^|[/._])acc(?:el|l|elerometer|eleration)?[/._].*"
+"""A name that says acceleration and nothing of a gyroscope, as ``acc_imu_g.0``, whose ``g`` is the unit."""
 TURN_LETTERS = (("roll", "pitch", "yaw"), ("r", "p", "y"))
 """Words and letters that stand for x, y and z behind a word for rates: ``GyroY`` beside ``GyroR`` and ``GyroP`` is no y."""
 BODY_RATES = {"x": "p", "y": "q", "z": "r"}
@@ -56,8 +58,8 @@ CAMEL = (
     (r"(?<![A-Za-z])([num]s)(?=time)", r"\1_"),
 )  # fmt: skip
 CAMEL_OF_CAPITALS = r"(?<=[A-Z]{2})(?=[A-Z][a-z])"
-OF_A_PART = r"[a-z]{2,4}\d[a-z0-9]{2,}(?:_[a-z])?"
-"""A sensor's part number within a column's name, as in ``gyroscope_lsm6ds3_c.x``."""
+OF_A_PART = r"(?:[a-z]{2,4}\d[a-z0-9]{2,}(?:_[a-z])?|imu|mpu|bno|lsm|bmi|icm)"
+"""A sensor's part number or family within a column's name, as in ``gyroscope_lsm6ds3_c.x`` or ``giro_bno.0``."""
 MOST_OF_A_KIND = 3
 """Columns that are numbered further are of several sensors."""
 
@@ -100,6 +102,8 @@ def every_named(source: Source, words: str, axis: str) -> list[str]:
     if GYRO in words and (turned := _turned(words, units + kind, bare.values())):
         named = turned[AXES.index(axis)]
     found = [name for name, word in bare.items() if re.fullmatch(named, word) and not re.fullmatch(NO_READING, word)]
+    if GYRO in words:
+        found = [name for name in found if not re.match(OF_ACCELERATION, bare[name])]
     found = [name for name in found if "rot" not in bare[name] or not _is_orientation(name, bare)]
     turn = rf"(?:.*[/._])?{TURNS[axis]}_?(?:rate|speed|velocity){units}"
     return found or [name for name, word in bare.items() if GYRO in words and re.fullmatch(turn, word)]

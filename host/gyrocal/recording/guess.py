@@ -141,7 +141,8 @@ def guess(
             f"take: --map gz_dps=COLUMN:UNIT{source.left_out}"
         )
     if "temp_c" not in found:
-        _add(found, _temperature(source))
+        of_time = found["t_s"].map.removeprefix("t_s=").rpartition(":")[0] if "t_s" in found else ""
+        _add(found, _temperature(source, of_time))
     if reference and not {"rate_ref_dps", "ref_angle_deg", "ref_x_dps", "ref_qw"} & set(found):
         for guessed in _orientation(source):
             _add(found, guessed)
@@ -379,8 +380,14 @@ def _is_temperature(name: str, by_unit: bool = True) -> bool:
     return stated or bool(re.fullmatch(named, bare))
 
 
-def _temperature(source: Source) -> Guess | None:
-    columns = filter(_is_temperature, source.frame.columns)
+def tells_nothing(values: Array) -> bool:
+    """True for a temperature [n] that is equal in many rows."""
+    return values.size >= MANY_ROWS and bool(np.ptp(values) == 0)
+
+
+def _temperature(source: Source, of_time: str = "") -> Guess | None:
+    """The first column of temperatures, which is not that of the time."""
+    columns = [name for name in source.frame.columns if name != of_time and _is_temperature(name)]
     for name in sorted(columns, key=lambda name: not _is_temperature(name, by_unit=False)):
         values = values_of(source, name)
         if not values.size:
@@ -391,7 +398,7 @@ def _temperature(source: Source) -> Guess | None:
         if unit == "degC" and not -60 < middle < 150:
             continue
         why = "the unit is in its name" if stated else f"about {middle:.4g}"
-        if values.size >= MANY_ROWS and np.ptp(values) == 0:
+        if tells_nothing(values):
             why = f"{'the unit is in its name, but ' * bool(stated)}it is {middle:.4g} in every row, which tells nothing"
         return Guess(f"temp_c={name}:{unit}", why)
     return None

@@ -19,7 +19,7 @@ from gyrocal.recording.corrected import corrected_by
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.first_rows import Taken, first_rows
-from gyrocal.recording.guess import Guess, is_forward, like_time, named_as_time
+from gyrocal.recording.guess import Guess, is_forward, like_time, named_as_time, tells_nothing
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.hung import read_too_fast, without_hung
 from gyrocal.recording.import_options import Options, with_gravity, with_second
@@ -207,8 +207,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     table, rate_hz = timed.table, timed.rate_hz
     warnings += timed.warnings
     _check_one_recording(source, mappings, table, options.cuts or [Cut("all")])
-    if table.damage:
-        warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
+    warnings += _of_table(source, table, mapped.guessed)
     motion = _motion(options, source, mappings, table.columns["t_s"])
     stem = stem_of(path)
     labels = check_meta(labels_of(stem), str(path))
@@ -253,6 +252,17 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     counts = {what: count for what, count in counts.items() if count}
     evened += [warning for run in runs if (warning := read_too_fast(run)) is not None]
     return Imported(session, mapped.guessed, (*warnings, *evened), counts, first_rows(source, mappings, mapped.guessed))
+
+
+def _of_table(source: Source, table: Converted, guessed: Sequence[Guess]) -> list[Warning]:
+    """What came damaged in a table, and a temperature that tells nothing, unless the guess says that."""
+    out = [Warning("line_damaged", None, None, f"{source.label}: {table.damage}")] if table.damage else []
+    temp_c = table.columns.get("temp_c")
+    stated = not any(g.map.startswith("temp_c=") for g in guessed)
+    if stated and temp_c is not None and tells_nothing(temp_c):
+        text = f"{source.label}: the temperature is {temp_c[0]:.4g} °C in every row, which tells nothing; leave temp_c out"
+        out.append(Warning("temp_unit", None, None, text))
+    return out
 
 
 def _motion(options: Options, source: Source, mappings: Sequence[ColumnMap], t_s: Array) -> Motion | None:
