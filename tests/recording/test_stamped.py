@@ -151,3 +151,22 @@ def test_the_time_of_a_pause_holds_no_missing_samples(lost: int) -> None:
     if lost:
         assert found is not None
         assert int(found[1]) == pytest.approx(lost, abs=2)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_bursts_by_the_clock_of_the_sensor_have_lost_what_lies_between(own: bool, tmp_path: Path) -> None:
+    """A logger keeps one packet of four in six and loses the others. One that reads packets late, one by one, loses none."""
+    rng = np.random.default_rng(4)
+    bursts, interval_s = 400, 1 / 960
+    kept = np.cumsum(rng.choice([5, 6, 7], bursts, p=[0.15, 0.7, 0.15])) if own else 6.1 * np.arange(bursts)
+    moments = (4 * interval_s * kept[:, None] + interval_s * np.arange(4)).ravel()
+    stamps = moments + rng.uniform(-5e-5, 5e-5, moments.size) + (not own) * np.repeat(rng.uniform(0, 8e-3, bursts), 4)
+    t_s, found = imported(tmp_path, stamps, rng.normal(0, 0.1, (stamps.size, 3)))
+    told = {w.code for w in check(found.session)}
+    assert ("times" in found.repaired) == (not own)
+    assert ("samples_lost" in told) == own
+    if own:
+        assert found.session.sample_rate_hz == pytest.approx(960, rel=1e-3)
+        assert t_s == pytest.approx(moments - moments[0], abs=2e-4)
+    else:
+        assert found.session.sample_rate_hz == pytest.approx(960 / 6.1, rel=1e-3)

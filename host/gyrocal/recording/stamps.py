@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.recording.bursts_of_sensor import grid_of_bursts
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -111,9 +113,9 @@ def in_bursts(t_s: Array) -> bool:
     """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
     if _is_sampled(step_range_s(t_s)[0], _mean_with_gaps_s(t_s)):
         return False
-    steps = np.diff(t_s)
-    short = steps < BURST * _mean_step_s(steps)
-    return bool(np.any(steps <= 0)) or (steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS)
+    short = (steps := np.diff(t_s)) < BURST * _mean_step_s(steps)
+    often = steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS
+    return bool(np.any(steps <= 0)) or (often and grid_of_bursts(steps) is None)
 
 
 def goes_back(t_s: Array) -> bool:
@@ -305,8 +307,7 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
         return np.arange(n), _even_interval_s(t_s), True
     if rate_changes(t_s):
         return np.arange(n), _mean_with_gaps_s(t_s), False
-    on_grid = _on_grid(t_s)
-    if on_grid is not None:
+    if (on_grid := grid_of_bursts(np.diff(t_s)) or _on_grid(t_s)) is not None:
         return *on_grid, True
     if _is_on_demand(t_s):
         return *_with_pauses(t_s), False
