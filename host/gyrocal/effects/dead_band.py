@@ -10,7 +10,6 @@ from gyrocal.effects.base import Case, Effect, Looks, Mask, Objection, Parameter
 from gyrocal.effects.quantities import rate_about
 from gyrocal.noise.sample import white_sd_dps
 from gyrocal.parameter import POSITIVE
-from gyrocal.recording.angle_slopes import TRIMMED
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index, in_readings, outliers
 from gyrocal.recording.session import Array, Run
@@ -111,7 +110,7 @@ def _beyond_the_edge_dps(runs: Sequence[Run], axis: int, width_dps: float) -> fl
     clear_dps = 2 * FIRST_SIGHT * white_sd_dps(runs, axis)
     largest = 0.0
     for run in (r for r in runs if r.axis_index == axis and not r.rate_is_mean):
-        w_dps, y_dps = rate_about(run, axis), run.gyro_dps[:, axis]
+        w_dps, y_dps = rate_about(run, axis)[run.reached], run.gyro_dps[run.reached, axis]
         inside = np.abs(w_dps) < width_dps
         if not inside.any() or np.count_nonzero(~inside) < 2:
             continue
@@ -200,7 +199,7 @@ def _no_corner(run: Run, w_dps: Array, least_dps: float) -> Mask:
 
     if run.measured_rates is None or not run.measured_rates.derived:
         return np.ones(len(run), dtype=bool)
-    return np.asarray(maximum_filter1d(np.abs(w_dps), 2 * TRIMMED + 1, mode="nearest") < least_dps)
+    return np.asarray(maximum_filter1d(np.abs(w_dps), 2 * run.measured_rates.reach + 1, mode="nearest") < least_dps)
 
 
 def _steady(w_dps: Array, inside: Mask) -> Mask:

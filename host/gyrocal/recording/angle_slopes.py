@@ -56,13 +56,15 @@ STEADIER_SE = 0.5
 class AngleSlopes(NamedTuple):
     """Rates [n, k], deg/s, NaN where there are none; the number of jumps; and what the smooth curves leave of the angles,
     [n, k], deg, NaN where no angle was measured. ``noise_dps`` is the largest noise of the rates, as noise of the angles that
-    is white makes it, and ``steadier`` are the rates with less noise, [n, k].
+    is white makes it, and ``steadier`` are the rates with less noise, [n, k]. Within ``reach`` samples of a corner of the
+    motion the curve is round.
     """
 
     rates: Array
     jumps: int
     left_deg: Array
     noise_dps: float
+    reach: int
     steadier: Smoothed | None
 
     def noisy(self) -> Mask:
@@ -123,6 +125,7 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     noises = (sd * SLOPE_OF_SPLINE**0.5 / max(width, 1.0) ** 1.5 for sd, width in zip(sds, widths, strict=True))
     noise_dps = max(noises, default=0.0) / (usual_s or 1.0)
     trimmed = max([TRIMMED, *(int(np.ceil(STRAIGHT * width)) for width in widths)])
+    reach = round(trimmed * usual_s / float(np.median(np.diff(t_s)))) if t_s.size > 1 else 0
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         if piece.size <= 2 * trimmed:
             continue
@@ -137,12 +140,12 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
             steady[inside, k], error[inside, k], of_angle[inside, k] = (np.interp(t_s[inside], at_s, v) for v in found)
         left_deg[rows[piece[inner]]] = (angle_deg - curves)[inner]
     if not sds or not steadier:
-        return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, None)
+        return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, reach, None)
     inside = np.isfinite(rates).all(axis=1)
     removed = float(np.max(np.median(np.abs(rates[inside] - steady[inside]), axis=0))) * ROBUST
     noise = NoiseLevel(max(removed, float(np.max(np.median(error[inside], axis=0))) ** 0.5), STEADIER_SE)
     of_angle /= float(np.median(np.diff(t_s))) ** 2
-    return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, Smoothed(steady, error, noise, of_angle))
+    return AngleSlopes(rates, int(jumped.sum()), left_deg, noise_dps, reach, Smoothed(steady, error, noise, of_angle))
 
 
 def _measured_anew(steps_deg: Array) -> tuple[Index, Array]:

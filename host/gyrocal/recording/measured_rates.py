@@ -51,6 +51,8 @@ class MeasuredRates:
     """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
     noise_dps: float = 0.0
     """The noise of these slopes, deg/s."""
+    reach: int = 0
+    """Samples from a corner of the motion within which slopes of angles are those of a round curve."""
     interpolated: bool = False
     """True if missing samples lie on a curve through those that are there: a table's encoder may be slower than the sensor."""
 
@@ -136,7 +138,9 @@ def measured_rates(column: Column, t_s: Array, label: str) -> MeasuredRates | No
     if angle is None:
         return None
     found = angle_slopes(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
-    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, left_deg=found.left_deg[:, 0], noise_dps=found.noise_dps)
+    return MeasuredRates(
+        t_s, found.rates, found.jumps, derived=True, left_deg=found.left_deg[:, 0], noise_dps=found.noise_dps, reach=found.reach
+    )
 
 
 def _together(column: Column, names: tuple[str, ...], label: str) -> Array | None:
@@ -165,4 +169,6 @@ def _of_orientation(t_s: Array, quaternion: Array, label: str) -> MeasuredRates:
     noisy = found.noisy()
     if noisy.any():
         found = angle_slopes(t_s, known & ~noisy, turned, steadier=True)
-    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, steadier=found.steadier, noisy=noisy)
+    return MeasuredRates(
+        t_s, found.rates, found.jumps, derived=True, steadier=found.steadier, noisy=noisy, reach=found.reach
+    )
