@@ -19,6 +19,7 @@ from gyrocal.plausibility import check, references
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.header import Reference
 from gyrocal.recording.register import registered
+from gyrocal.recording.registration import Registration
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
@@ -121,6 +122,45 @@ def test_a_motion_about_one_axis_alone_gives_its_direction_and_blocks_no_axis(se
     x = np.array([1.0, 0.0, 0.0])
     assert np.degrees(np.arccos(min(1.0, float((found.registration.matrix @ x) @ turn.apply(x))))) < 1.0
     assert [w.code for w in check(session) if w.blocking] == []
+
+
+@pytest.mark.parametrize(
+    ("mounted_deg", "axis", "reference"),
+    [((0.0, 0.0, 0.0), "z", OWN), ((0.0, 90.0, 0.0), "x", Reference()), ((180.0, 0.0, 0.0), "z", OWN)], ids=["z", "x", "down"],
+)  # fmt: skip
+def test_exactly_one_axis_of_an_odometry_calibrates_the_axis_that_it_turns(
+    mounted_deg: tuple[float, float, float], axis: str, reference: Reference
+) -> None:
+    """Wheel odometry is a pure yaw: the fit was singular, biases were 1e14 dps, or the import ended with a LinAlgError."""
+    rng, yaw_dps = np.random.default_rng(3), motion(T_S)[:, 0]
+    turn, place = Rotation.from_rotvec(mounted_deg, degrees=True), "xyz".index(axis)
+    gyro = 1.01 * turn.apply(np.outer(yaw_dps, [0.0, 0.0, 1.0])) + [0.3, -0.2, 0.5] + rng.normal(0, 0.1, (T_S.size, 3))
+    fine_dps = motion((np.arange(20 * T_S.size) + 0.5) / (20 * RATE_HZ))[:, 0]
+    half = np.deg2rad(np.concatenate([[0.0], np.cumsum(fine_dps)])[: fine_dps.size : 20]) / (20 * RATE_HZ) / 2
+    yaw = np.outer(np.cos(half), [1, 0, 0, 0]) + np.outer(np.sin(half), [0, 0, 0, 1])
+    session = with_reference(gyro, reference, **orientation(yaw))
+    with np.errstate(all="raise"):
+        found, told = registered(session).registration_fit, check(session)
+    assert found is not None
+    assert not found.mirrored
+    assert abs(found.registration.offset_s) < 0.005
+    size_deg = float(np.linalg.norm(mounted_deg))
+    assert np.linalg.norm(found.registration.rotation_deg) == pytest.approx(size_deg, abs=0.5)
+    assert {(w.code, w.axis) for w in told} == {("hardly_turned", other) for other in "xyz" if other != axis}
+    (estimate,) = calibrate(session)
+    assert (estimate.axis, estimate.flags) == (axis, ())
+    assert estimate.scale == pytest.approx(0.01, abs=4 * (estimate.scale_se or 0.0))
+    assert estimate.bias_dps == pytest.approx((0.3, -0.2, 0.5)[place], abs=0.03)
+
+
+@pytest.mark.parametrize("reference", [Reference(), OWN], ids=["same", "own"])
+@pytest.mark.filterwarnings("error")
+def test_a_reference_that_never_turns_is_unrelated_without_a_warning_of_numpy(reference: Reference) -> None:
+    session = with_reference(motion(T_S), reference, **orientation(np.outer(np.ones(T_S.size), [1, 0, 0, 0])))
+    assert "reference_unrelated" in {w.code for w in check(session)}
+    found = registered(session).registration_fit
+    assert found is not None
+    assert found.registration.rotation_deg == Registration().rotation_deg
 
 
 @pytest.mark.parametrize("ends_dps", [(416.0, -421.0), (300.0, -300.5)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.recording.smoothing import noise_level, smoothed, smoothed_temperature
+from gyrocal.recording.smoothing import NoiseLevel, Smoothed, noise_level, smoothed, smoothed_temperature
 
 RATE_HZ = 100.0
 
@@ -134,3 +134,14 @@ def test_the_noise_of_a_reference_is_not_bounded_by_a_better_sensor(repeats: int
     alone, beside = smoothed(measured), smoothed(measured, None, gyro)
     assert beside.noise.sd == pytest.approx(alone.noise.sd)
     assert beside.noise.estimated
+
+
+def test_the_noise_of_slopes_of_an_orientation_is_at_most_what_the_readings_leave() -> None:
+    """A robot that is seen at 5 Hz turns as fast as that shows, and its odometry had a noise of 9 deg/s: all of its motion."""
+    rng = np.random.default_rng(0)
+    true = rng.normal(0, 11, 600)
+    found = Smoothed(true, np.full(600, 70.0), NoiseLevel(9.0, 0.5), np.full(600, 1.0))
+    bounded = found.at_most(0.97 * true + rng.normal(0, 2, 600))
+    assert np.mean(bounded.error) == pytest.approx(2.06**2, rel=0.2)
+    assert not bounded.noise.estimated
+    assert found.at_most(rng.normal(0, 0.1, 600)) is found

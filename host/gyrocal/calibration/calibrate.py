@@ -26,6 +26,7 @@ from gyrocal.errors import InputError, did_you_mean
 from gyrocal.extras import lacking, want
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
+from gyrocal.plausibility.runs import told_by_others
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.warning import Warning
@@ -307,10 +308,14 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
 
 
 def _informed(runs: Sequence[Run], axis: str) -> bool:
-    """True if these runs have two true rates about an axis, one of them not zero, which determine its scale and bias."""
+    """True if these runs have two true rates about an axis, one of them not zero, which determine its scale and bias.
+
+    Beside a reference with three axes, what an axis reads of the others' rates must not be as large as its own rate.
+    """
     views = [r.about(axis) for r in runs]
     ends = [(float(r.rate_dps.min()), float(r.rate_dps.max())) if r.axis == axis else (0.0, 0.0) for r in views]
-    return bool(ends) and max(high for _, high in ends) - min(low for low, _ in ends) > 1e-6
+    turns = bool(ends) and max(high for _, high in ends) - min(low for low, _ in ends) > 1e-6
+    return turns and not all(r.three_axes and told_by_others(r, axis) for r in views)
 
 
 def white_sd_dps(runs: Sequence[Run], axis: str) -> float:

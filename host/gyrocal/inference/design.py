@@ -19,7 +19,7 @@ from gyrocal.effects.quantities import RATE_STEP_DPS, rate_noise, with_faster_ra
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks, step_s
-from gyrocal.inference.identified import identified, left_out
+from gyrocal.inference.identified import identified, left_out, sums_of
 from gyrocal.inference.layout import Layout, assigned
 from gyrocal.inference.measured_columns import part_taken
 from gyrocal.noise.axis import AxisNoise
@@ -257,6 +257,7 @@ class Design:
         gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros((1, 1)))
         kept = identified(gram, order, least)
         self.left_out = left_out(gram, [(self.terms[i], i, j) for i, j in fixed], kept, least)
+        self.asked, self.sums = tuple(fixed), None if kept.all() else sums_of(gram, kept)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]

@@ -34,6 +34,15 @@ def identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
     return keep
 
 
+def sums_of(gram: Array, kept: Mask) -> Array:
+    """What the coefficients of the kept columns [k] are of all coefficients [p], shape [k, p], where the others depend on them.
+
+    ``gram`` is that of ``[y | columns | ...]``.
+    """
+    own = 1 + np.flatnonzero(kept)
+    return np.asarray(np.linalg.lstsq(gram[np.ix_(own, own)], gram[own, 1 : 1 + kept.size], rcond=None)[0])
+
+
 def left_out(
     gram: Array, columns: Sequence[tuple[Term, int, int]], kept: Mask, least: Array,
 ) -> list[tuple[int, Array]]:  # fmt: skip

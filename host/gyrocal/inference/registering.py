@@ -21,10 +21,12 @@ from gyrocal.effects.quantities import rate_noise, true_rate_dps
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import reduce_session
+from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.register import FIRST_S, registered
 from gyrocal.recording.registration import (
+    UNKNOWN_ROTATION,
     ReferenceParameter,
     Registration,
     RegistrationFit,
@@ -121,9 +123,8 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> Structure:
         noise = model.noise_on(axis) if model.on(axis) else AxisNoise()
         current = fit_axis([b.about(axis) for b in reduced], i, [*kept, term], noise)
         own = _of_axis(current, i, axis)
-        weight = np.linalg.inv(own.cov)
-        information[np.ix_(own.places, own.places)] += weight
-        score[own.places] += weight @ own.values
+        information[np.ix_(own.places, own.places)] += own.information
+        score[own.places] += own.score
     if "e" in names and max(run.duration_s for run in session.runs) < FIRST_S:
         drift = session.runs[0].registration.drift
         sd = max(DRIFT_SD, abs(drift))
@@ -139,24 +140,39 @@ def _pairs(model: Model) -> list[tuple[int, int]]:
 
 
 class _AxisEstimate(NamedTuple):
-    """An axis's estimate of some of the eleven parameters: their places [p], values [p] and covariance [p, p]."""
+    """What an axis shows of some of the eleven parameters: their places [p], and their information [p, p] and score [p]."""
 
     places: list[int]
-    values: Array
-    cov: Array
+    information: Array
+    score: Array
 
 
 def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
-    places, columns = [], []
-    for j, (t, k) in enumerate(current.design.layout.fixed):
-        effect = current.design.terms[t].effect
-        name = axis if effect.role is Role.SCALE else ""
-        if isinstance(effect, _Map):
-            name = effect.coding.used(current.design.terms[t].values)[k]
-        if name:
-            places.append(9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name))
-            columns.append(j)
-    return _AxisEstimate(places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)])
+    """What the fit of an axis shows. Where rates depend on each other, as where the reference turns about one axis only, the
+    readings show sums of the map's elements alone.
+    """
+    design = current.design
+    fixed = enumerate(design.layout.fixed)
+    kept = [(j, place) for j, column in fixed if (place := _place(design, column, i, axis)) is not None]
+    columns, places = [j for j, _ in kept], [place for _, place in kept]
+    weight: Array = np.asarray(np.linalg.inv(current.solution.cov[np.ix_(columns, columns)]), dtype=np.float64)
+    values: Array = current.solution.beta[columns]
+    if design.sums is None:
+        return _AxisEstimate(places, weight, weight @ values)
+    asked = [(j, place) for j, column in enumerate(design.asked) if (place := _place(design, column, i, axis)) is not None]
+    sums = design.sums[np.ix_(columns, [j for j, _ in asked])]
+    return _AxisEstimate([place for _, place in asked], sums.T @ weight @ sums, sums.T @ weight @ values)
+
+
+def _place(design: Design, column: tuple[int, int], i: int, axis: str) -> int | None:
+    """The place of a column's coefficient among the eleven parameters; None if it is none of them."""
+    term = design.terms[column[0]]
+    name = axis if term.effect.role is Role.SCALE else ""
+    if isinstance(term.effect, _Map):
+        name = term.effect.coding.used(term.values)[column[1]]
+    if not name:
+        return None
+    return 9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name)
 
 
 def _parameters(found: Registration, step: Structure, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
@@ -164,7 +180,9 @@ def _parameters(found: Registration, step: Structure, start: RegistrationFit) ->
     names = {p.name for p in start.parameters}
     values = {"offset_s": (found.offset_s, np.sqrt(step.cov[3, 3])), "e": (found.drift, np.sqrt(step.cov[4, 4]))}
     if names & set(ROTATION):
-        values |= dict(zip(ROTATION, zip(found.rotation_deg, _rotation_se_deg(found, step), strict=True), strict=True))
+        rotation_se = _rotation_se_deg(found, step)
+        shown_se = np.where(rotation_se < np.rad2deg(UNKNOWN_ROTATION), rotation_se, np.inf)
+        values |= dict(zip(ROTATION, zip(found.rotation_deg, shown_se, strict=True), strict=True))
     errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
     return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
 

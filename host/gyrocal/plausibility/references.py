@@ -12,6 +12,7 @@ import polars as pl
 
 from gyrocal.digits import percentage
 from gyrocal.errors import InputError
+from gyrocal.plausibility.runs import beside_others
 from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import QUATERNION, RATES
 from gyrocal.recording.register import registered
@@ -81,8 +82,7 @@ def _hardly_turned(session: Session) -> list[Warning]:
     out = []
     for i, axis in enumerate(AXES):
         beside = np.delete(centred, i, axis=1)
-        alone = centred[:, i] - beside @ np.linalg.lstsq(beside, centred[:, i], rcond=None)[0]
-        error = POLICY.leak * float(np.sqrt(np.sum(beside**2) / max(float(alone @ alone), 1e-300)))
+        alone, error = beside_others(centred[:, i], beside)
         if error < POLICY.hardly_turned or not beside.any():
             continue
         own_dps, others_dps = (float(np.sqrt(np.sum(part**2) / len(beside))) for part in (alone, beside))

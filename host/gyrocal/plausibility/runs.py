@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gyrocal.policy import POLICY
+from gyrocal.recording.registration import SCALE_SD
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.tails import ROBUST
 from gyrocal.warning import Warning
@@ -159,16 +160,35 @@ def _regression(y: Array, rate: Array, others: Array, noise_dps: float, size: fl
     readings of that ``size`` beside the true rates.
     """
     about, beside = rate - rate.mean(), (others - others.mean(axis=1, keepdims=True)).T
-    about = about - beside @ np.linalg.lstsq(beside, about, rcond=None)[0]
+    about, leaked = beside_others(about, beside)
     slope = float(about @ y) / float(about @ about)
     left = y - y.mean() - slope * (rate - rate.mean())
     left = left - beside @ np.linalg.lstsq(beside, left, rcond=None)[0]
     flattened = min(noise_dps**2 * y.size / float(about @ about), 1.0)
-    leaked = POLICY.leak * float(np.sqrt(np.sum(beside**2) / (about @ about)))
     se = float(np.linalg.norm([_clustered_se(about, left), size * flattened, size * leaked]))
     shown = slope**2 * float(about @ about)
     explained = shown / max(shown + float(left @ left), 1e-300)
     return _Regression(slope, se, float(y.mean() - slope * rate.mean()), explained)
+
+
+def beside_others(own: Array, others: Array) -> tuple[Array, float]:
+    """The part of a rate [n] that tells its axis's scale beside the rates about other axes [n, m], and the error of the scale
+    by what the axis reads of those.
+
+    It is what does not follow the other rates, whatever the axis reads of them. Where hardly anything is left, as where the
+    sensor turns about one axis only, it is the whole rate, if an alignment by scales within ``SCALE_SD`` errs less.
+    """
+    alone = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.any() else own
+    other, whole, left = (max(float(np.sqrt(np.sum(v**2))), 1e-150) for v in (others, own, alone))
+    by_part, by_whole = POLICY.leak * other / left, POLICY.leak * other / whole + SCALE_SD * (other / whole) ** 2
+    return (alone, by_part) if by_part <= by_whole else (own, by_whole)
+
+
+def told_by_others(run: Run, axis: str) -> bool:
+    """True if what an axis reads of the rates about the others may be as large as its own rate, so that it has no scale."""
+    at = run.reached
+    own, others = run.about(axis).rate_dps[at], np.array([run.about(name).rate_dps[at] for name in AXES if name != axis]).T
+    return bool(at.any()) and beside_others(own - own.mean(), others - others.mean(axis=0))[1] >= 1
 
 
 def _clustered_se(x: Array, residual: Array) -> float:

@@ -58,6 +58,10 @@ COARSE = 0.03
 """Part of the readings' rms above which the noise of a rate from a coarse angle is averaged out, as in the readings."""
 ONE_UNIT = 10.0
 """Readings and reference whose sizes differ by more than this factor are in different units, such as rad/s and deg/s."""
+ROUNDING = 1e-9
+"""Of the products of readings and reference: a motion that is smaller than this fraction is none."""
+LEAST_SIZE = 1e-150
+"""Stands for the size of a column that is zero, such as the rate of a reference that never turns; its square is a number."""
 ROTATIONS = 5
 """Gauss-Newton steps from Wahba's rotation to that beside scale and misalignment."""
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -203,11 +207,13 @@ class _Trial:
         from scipy.linalg import block_diag
 
         noise = NOISE_ERRORS * np.sqrt(self.square * max(float(np.linalg.eigvalsh(self.power)[0]), 0.0) / self.samples)
-        rotation, proper = nearest_rotation(self.cross + noise * np.eye(3))
+        least = ROUNDING * float(np.linalg.norm(self.cross)) or 1.0
+        rotation, proper = nearest_rotation(self.cross + max(noise, least) * np.eye(3))
         sizes = np.linalg.svd(self.cross, compute_uv=False)
-        size = max(sizes @ [1, 1, 1], sizes @ [1, 1, -1]) / np.trace(self.power)
-        unit = 1.0 if 1 / ONE_UNIT < size < ONE_UNIT else size
-        left = [self.readings - (sizes @ [1, 1, sign]) ** 2 / np.trace(self.power) for sign in (1, -1)]
+        turned = max(float(np.trace(self.power)), LEAST_SIZE)
+        size = max(sizes @ [1, 1, 1], sizes @ [1, 1, -1]) / turned
+        unit = 1.0 if 1 / ONE_UNIT < size < ONE_UNIT or size <= 0 else size
+        left = [self.readings - float(sizes @ [1, 1, sign]) ** 2 / turned for sign in (1, -1)]
         inverse = np.linalg.pinv(self.power, rcond=1e-9)
         flattened = inverse * self.noise
         known = [np.linalg.pinv(inverse * left / self.samples + flattened @ flattened.T) for left in self.squares]
@@ -306,7 +312,7 @@ class _Search:
         columns = np.stack([-(slope @ found), late @ found], axis=-1)  # by offset and by drift, [n, a, 2]
         columns = columns - columns.mean(axis=0)
         columns -= np.einsum("nk,kac->nac", w, np.linalg.lstsq(w, columns.reshape(len(w), -1), rcond=None)[0].reshape(-1, a, 2))
-        size = np.sqrt(np.sum(columns**2, axis=(0, 1))) + 1e-300
+        size = np.sqrt(np.sum(columns**2, axis=(0, 1))) + LEAST_SIZE
         step = np.linalg.lstsq(columns.reshape(-1, 2) / size, left.reshape(-1), rcond=1e-9)[0] / size
         only_offset = float(columns[..., 0].reshape(-1) @ left.reshape(-1)) / size[0] ** 2
         return _Trial(

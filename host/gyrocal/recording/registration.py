@@ -114,6 +114,10 @@ def nearest_rotation(matrix: Array) -> tuple[Array, bool]:
 
 SCALE_SD, MISALIGNMENT_SD = 0.05, 0.03
 """Standard deviations of scale and misalignment before the data speak: consumer parts have 1-3 % and 1-2 %."""
+ROTATION_SD = 1.0
+"""That of the small rotation, rad: one that the data do not show, such as that about the only axis of motion, stays zero."""
+UNKNOWN_ROTATION = ROTATION_SD / 2
+"""A standard error of a rotation, rad, from which on the data do not show it."""
 
 
 class Structure(NamedTuple):
@@ -130,7 +134,7 @@ def structured(information: Array, score: Array, pairs: Sequence[tuple[int, int]
     ``information`` [9 + m, 9 + m] and ``score`` [9 + m] are those of the map minus I, row by row, and of m further parameters.
     The map is a scale of each axis, a rotation, and between the axes of ``pairs`` also a symmetric part, the misalignment. What
     one axis shows of the rotation about another counts by how well it is known. Where the sensor hardly turns about some axis,
-    only sums of these parts show, and scale and misalignment are taken to be small.
+    only sums of these parts show, and scale and misalignment are taken to be small. A rotation that does not show is zero.
     """
     m = score.size - 9
     kinds = np.zeros((9 + m, 6 + m + len(pairs)))  # rotation, further parameters, scale, misalignment
@@ -142,7 +146,9 @@ def structured(information: Array, score: Array, pairs: Sequence[tuple[int, int]
         kinds[[3 * i + j, 3 * j + i], 6 + m + k] = 1.0
     normal = kinds.T @ information @ kinds
     shown = np.diag(normal) > 0
-    normal[np.diag_indices(len(normal))] += [0.0] * (3 + m) + [SCALE_SD**-2] * 3 + [MISALIGNMENT_SD**-2] * len(pairs)
+    prior = [ROTATION_SD**-2] * 3 + [0.0] * m + [SCALE_SD**-2] * 3 + [MISALIGNMENT_SD**-2] * len(pairs)
+    shown[:3] = True
+    normal[np.diag_indices(len(normal))] += prior
     seen = np.flatnonzero(shown)
     cov = np.diag(np.where(shown, 0.0, np.inf))
     cov[np.ix_(seen, seen)] = np.linalg.inv(normal[np.ix_(seen, seen)])

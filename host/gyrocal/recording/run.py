@@ -301,7 +301,8 @@ class Run:
             noise = NoiseLevel(float(np.nanstd(reference)), 0.0)
             return Smoothed(np.full(len(self), self.one_rate_dps), np.zeros(len(self)), noise)
         if measured is not None and measured.derived:
-            return measured.steadier_about(self.axis_index, self.registration)
+            steadier = measured.steadier_about(self.axis_index, self.registration)
+            return None if steadier is None else steadier.at_most(self.gyro_dps[:, self.axis_index])
         known = np.isfinite(reference)
         found = smoothed(
             reference[known], self.reference.ref_noise_dps, self.gyro_dps[known, self.axis_index]

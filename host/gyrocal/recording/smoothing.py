@@ -104,6 +104,24 @@ class Smoothed:
             hidden[first : first + count] = False
         return Smoothed(np.where(hidden, 0.0, self.values), np.where(hidden, 0.0, self.error), self.noise)
 
+    def at_most(self, same: Array) -> Smoothed:
+        """The same column with no more noise than another sensor's readings ``same`` [n] of the motion leave of it.
+
+        The noise is otherwise taken from the spectrum, and a motion as fast as the samples allow is noise by that.
+        """
+        known = np.isfinite(self.values) & np.isfinite(same)
+        if known.sum() < 5 or np.ptp(same[known]) == 0:
+            return self
+        columns = np.column_stack([np.ones(same.size), same])[known]
+        values = self.values[known]
+        left = float(np.mean((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2))
+        noise = float(np.mean(self.error[known]))
+        if noise <= left * (1 + SIGNIFICANT * self.noise.relative_se):
+            return self
+        part = left / noise
+        level = replace(self.noise, sd=self.noise.sd * part**0.5, estimated=False)
+        return Smoothed(self.values, part * self.error, level, None if self.of_angle is None else part * self.of_angle)
+
     def at(self, t_s: Array, known_s: Array) -> Smoothed:
         """The column at the times ``t_s`` [m], by interpolation between the times ``known_s`` [n] that have a reading."""
         values, error, of_angle = (
