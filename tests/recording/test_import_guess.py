@@ -497,6 +497,37 @@ def test_the_only_angle_or_rate_of_a_reference_s_own_file_is_taken(tmp_path: Pat
         assert taken in [g.map for g in second.guessed()[1]]
 
 
+@pytest.mark.parametrize(
+    ("largest", "taken", "asks"),
+    [(360.0, "deg", False), (2 * np.pi, "rad", False), (1.0, "rad", True)], ids=["deg", "rad", "?"],
+)  # fmt: skip
+def test_a_yaw_in_a_reference_s_own_file_is_its_angle(tmp_path: Path, largest: float, taken: str, asks: bool) -> None:
+    """As robots write it, beside roll and pitch; a yaw that stays within a turn in rad says nothing of its unit."""
+    turned = 0.01 * np.arange(900.0) if largest > 1 else 0.001 * np.arange(900.0)
+    yaw = (turned / (2 * np.pi) * largest + largest / 2) % largest - largest / 2 if largest > 1 else turned
+    table = {"unix_timestamp": 1.7e9 + np.arange(900) / 20, "yaw": yaw, "pitch": 0 * yaw + 0.01, "roll": 0 * yaw}
+    pl.DataFrame(table).write_csv(tmp_path / "ref.csv")
+    (found,) = [g for g in SecondFile(tmp_path / "ref.csv", ()).guessed()[1] if g.map.startswith("ref")]
+    assert (found.map, found.asks) == (f"ref_angle_deg=yaw:{taken}", asks)
+
+
+@pytest.mark.parametrize(("low", "high", "told"), [(0.94, 0.98, "are divided by it"), (0.5, 1.5, None)])
+def test_quaternions_of_about_one_length_are_divided_by_it(tmp_path: Path, low: float, high: float, told: str | None) -> None:
+    """A filter's quaternions may have a length of .94 to .98: they were refused, and nobody said what to do."""
+    t_s, length = np.arange(600) / 100.0, np.random.default_rng(0).uniform(low, high, 600)
+    half = 0.4 * np.sin(t_s)
+    parts = {"ref_qw": np.cos(half), "ref_qx": 0 * half, "ref_qy": 0 * half, "ref_qz": np.sin(half)}
+    gyro = {"gx_dps": 0 * t_s, "gy_dps": 0 * t_s, "gz_dps": np.rad2deg(0.8 * np.cos(t_s))}
+    pl.DataFrame({"t_s": t_s, **gyro, **{n: length * v for n, v in parts.items()}}).write_csv(tmp_path / "log.csv")
+    if told is None:
+        with pytest.raises(InputError, match=r"not 1 .*divided by it at the import"):
+            _ = read_recording(tmp_path / "log.csv", Options()).session.runs[0].rate_dps
+        return
+    found = read_recording(tmp_path / "log.csv", Options())
+    assert [told in w.text for w in found.warnings if w.code == "line_damaged"] == [True]
+    assert found.session.runs[0].column("ref_qz") == pytest.approx(np.sin(half), abs=1e-6)
+
+
 @pytest.mark.parametrize(("moves", "name"), [(False, "Temp_c"), (True, "Temp_c"), (False, "temp")])
 def test_a_temperature_that_is_equal_in_every_row_is_told(tmp_path: Path, moves: bool, name: str) -> None:
     """It was taken without a word, though a thermocouple beside it moved by 8 degrees."""

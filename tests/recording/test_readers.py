@@ -99,6 +99,8 @@ def test_arrays_of_other_lengths_are_told_and_the_gyroscope_s_length_is_taken(tm
     assert [name for name in source.frame.columns if "gyro" in name] == ["SENSgyro.0", "SENSgyro.1", "SENSgyro.2"]
     with pytest.raises(InputError, match=rf"no column 'late'.*of another length than these {N} rows: s_read\.0 \({2 * N}\)"):
         source.check_has(["late"])
+    with pytest.raises(InputError, match=rf"true rate is not known.*of another length than these {N} rows: s_read\.0"):
+        read_recording(tmp_path / "a.mat", Options())
     savemat(tmp_path / "b.mat", {"u": np.zeros(8), "v": np.zeros(5)})
     with pytest.raises(InputError, match=r"no gyroscope is recognized among u; .*rows: v \(5\)"):
         read_recording(tmp_path / "b.mat", Options(defaults={"table_rate_dps": 0.0}))

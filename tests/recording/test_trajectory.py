@@ -121,6 +121,7 @@ def test_what_is_advised_for_a_reference_serves_its_file(imu: Path, capsys: pyte
         assert "--ref-columns" in said
         assert "--columns" not in said
         assert "--map" not in said
+        assert "gx" not in said
     command = ["import", str(imu), str(imu.with_name("out")), "--reference", str(path), *maps, "--ref-columns", "t,enc,flag"]
     assert main([*command, "--yes"]) == 0
     assert "ref_angle_deg" in Session.open(imu.with_name("out")).runs[0].table.columns

@@ -12,7 +12,7 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.measured_rates import QUATERNION
-from gyrocal.recording.orientation import UNIT_WITHIN
+from gyrocal.recording.orientation import ALIKE_WITHIN, UNIT_WITHIN
 from gyrocal.recording.padding import readings_within
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
@@ -182,13 +182,32 @@ def _with_course(source: Source, table: Converted) -> Converted:
     return replace(table, columns={**table.columns, "t_s": course_s}, damage=damage, stamps=int(off.size))
 
 
+def _of_length_one(table: Converted, size: Array) -> Converted:
+    """The table with quaternions of the lengths [n] divided by these, where nearly all of them are of about one length."""
+    length = float(np.median(size[size > 0]))
+    alike = np.abs(size - length) <= ALIKE_WITHIN * length
+    if (size > 0).sum() - alike.sum() > MOST_DAMAGED * size.size:
+        return table
+    unit = np.where(alike, size, np.nan)
+    columns = {name: np.where(size == 0, 0.0, table.columns[name] / unit) for name in QUATERNION}
+    from_to = f"{size[alike].min():.4g} to {size[alike].max():.4g}"
+    told = f"the quaternions are of the length {length:.4g}, not 1 ({from_to}), and are divided by it"
+    damage = ", and ".join(filter(None, (table.damage, told)))
+    return replace(table, columns={**table.columns, **columns}, damage=damage)
+
+
 def _with_rotations(source: Source, table: Converted) -> Converted:
-    """The table without the few orientations whose quaternion has not the length 1; a row of zeros is missing anyway."""
+    """The table without the few orientations whose quaternion has not the length 1; a row of zeros is missing anyway.
+
+    Quaternions of about one other length are divided by it.
+    """
     if not set(QUATERNION) <= set(table.columns):
         return table
     size = np.sqrt(sum(table.columns[name] ** 2 for name in QUATERNION))
     wrong = (np.abs(size - 1) > UNIT_WITHIN) & (size > 0)
-    if not 0 < wrong.sum() <= MOST_DAMAGED * wrong.size:
+    if wrong.sum() > MOST_DAMAGED * wrong.size:
+        return _of_length_one(table, size)
+    if not wrong.any():
         return table
     first, count = int(np.flatnonzero(wrong)[0]), int(wrong.sum())
     many = f"{count} damaged orientations are" if count > 1 else "a damaged orientation is"

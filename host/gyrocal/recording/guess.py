@@ -26,9 +26,10 @@ from gyrocal.recording.column_names import (
 )
 from gyrocal.recording.guess_units import PHONE, Known, Motion, typical_rate_dps, unit_of_acceleration, unit_of_gyro, values_of
 from gyrocal.recording.one_sensor import check_one_sensor
-from gyrocal.recording.own_orientation import of_table
+from gyrocal.recording.orientation import ALIKE_WITHIN, UNIT_WITHIN
+from gyrocal.recording.own_orientation import of_table, yaw_of
 from gyrocal.recording.session import AXES, Array
-from gyrocal.recording.source import Source, moments_ns
+from gyrocal.recording.source import MOST_DAMAGED, Source, moments_ns
 from gyrocal.recording.stamps import period_s
 from gyrocal.recording.stated import rate_hz as stated_rate_hz
 
@@ -215,7 +216,7 @@ def guess_reference(source: Source, rate_hz: float | None = None) -> list[Guess]
             why = "the unit is in its name" if unit else "rad/s is possible too"
             _add(found, Guess(f"ref_{axis}_dps={name}:{unit or 'dps'}", f"the true rate: {why}"))
     elif "ref_qw" not in found:
-        _add(found, _reference(source, found) or _only_angle_or_rate(source, found))
+        _add(found, _reference(source, found) or _only_angle_or_rate(source, found) or _yaw(source))
     if ("t_s" not in found and rate_hz is None) or not set(found) - {"t_s"}:
         raise InputError(
             f"{source.label}: no time and reference are recognized among {', '.join(source.frame.columns[:40])}; say which "
@@ -237,6 +238,19 @@ def _only_angle_or_rate(source: Source, found: Mapping[str, Guess]) -> Guess | N
             what = "angle" if kind == "angle" else "rate"
             return Guess(f"{target}={there[0]}:{stated_unit(there[0], kind)}", f"the true {what}: the unit is in its name")
     return None
+
+
+def _yaw(source: Source) -> Guess | None:
+    """The yaw of a reference's own file, as a robot or a planar map writes it beside its position."""
+    found = yaw_of(source)
+    if found is None:
+        return None
+    name, unit = found
+    stated = stated_unit(name, "angle")
+    why = "the unit is in its name" if stated else "rad by where it goes round" if unit == "rad" else "deg by its size"
+    if unit is None:
+        why = "within a turn in rad, and within 6 deg in deg"
+    return Guess(f"ref_angle_deg={name}:{unit or 'rad'}", f"the true angle: {why}", asks=unit is None)
 
 
 def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
@@ -405,7 +419,7 @@ def _temperature(source: Source, of_time: str = "") -> Guess | None:
 
 
 def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") -> list[Guess]:
-    """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1.
+    """The four columns of a quaternion that a tracker measured; none if they are not there or of no one length.
 
     Numbers from 0 stand for w, x, y and z.
     """
@@ -420,9 +434,11 @@ def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") ->
         return []
     size = np.sqrt(sum(source.numbers(ColumnMap("ref_qw", name)) ** 2 for name in names))
     size = size[np.isfinite(size) & (size > 0)]
-    if not size.size or abs(float(np.median(size)) - 1) > 0.01:
+    length = float(np.median(size)) if size.size else 0.0
+    if not length or (abs(length - 1) > 0.01 and np.mean(np.abs(size - length) > ALIKE_WITHIN * length) > MOST_DAMAGED):
         return []
-    why = "the true orientation: its length is 1" + (f", and {names[0]} is taken for its w" if parts == "0123" else "")
+    divided = f"{length:.4g}, by which it is divided" if abs(length - 1) > UNIT_WITHIN else "1"
+    why = f"the true orientation: its length is {divided}" + (f", and {names[0]} is taken for its w" if parts == "0123" else "")
     return [Guess(f"ref_q{part}={name}", why) for part, name in zip("wxyz", names, strict=True)]
 
 

@@ -209,6 +209,7 @@ def _read_file(files: Files, options: Options, number: int, names: Sequence[str]
     _check_one_recording(source, mappings, table, options.cuts or [Cut("all")])
     warnings += _of_table(source, table, mapped.guessed)
     motion = _motion(options, source, mappings, table.columns["t_s"])
+    warnings += [Warning("line_damaged", None, None, motion.damage)] if motion is not None and motion.damage else []
     stem = stem_of(path)
     labels = check_meta(labels_of(stem), str(path))
     left = {"table_rate_dps"} if options.gravity else set[str]()

@@ -12,6 +12,8 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 UNIT_WITHIN = 0.02
 """A quaternion's length may deviate from 1 by this much: more than rounding to three digits does."""
+ALIKE_WITHIN = 0.05
+"""Quaternions whose lengths are within this part of one another's median are of one scale, that of counts for example."""
 JUMP_DEG = 1.0
 JUMP_FACTOR = 8.0
 """A step is a jump if it exceeds both the steps before and those after it by this factor, and :data:`JUMP_DEG`."""
@@ -40,7 +42,8 @@ def turned_deg(quaternion: Array, label: str) -> Array:
     if bad.size:
         raise InputError(
             f"{label}: row {bad[0] + 2}: the quaternion has the length {size[bad[0]]:.4g}, not 1 ({bad.size} such rows). "
-            "Map ref_qw, ref_qx, ref_qy, ref_qz to a unit quaternion's own columns, and leave cells without a measurement empty"
+            "Map ref_qw, ref_qx, ref_qy, ref_qz to a quaternion's own columns, and leave cells without a measurement empty. "
+            "Quaternions of about one length are divided by it at the import"
         )
     before, after = quaternion[:-1] / size[:-1, None], quaternion[1:] / size[1:, None]
     real = np.sum(before * after, axis=1)

@@ -67,13 +67,19 @@ def _of_angles(source: Source) -> Array | None:
     return None
 
 
+def yaw_of(source: Source) -> tuple[str, str | None] | None:
+    """The column of a yaw or a heading, and its unit, None where nothing tells it; None if there is no such column."""
+    name = _named(source, rf"(?:.*[/._ ])?{EULER[0][2]}(?:_?(?:angle|deg|degrees|rad))?")
+    return None if name is None else (name, _unit_of(source, [name]))
+
+
 def _named(source: Source, words: str) -> str | None:
     named = (name for name in source.frame.columns if re.fullmatch(words, bare_name(name)[0]))
     return next((name for name in named if stated_unit(name, "angle") or not stated_unit(name, "gyro")), None)
 
 
 def _unit_of(source: Source, names: list[str]) -> str | None:
-    """The unit of three angles: stated, or evident where they are too large for radians or go round at a full turn."""
+    """The unit of one angle or more: stated, or evident where they are too large for radians or go round at a full turn."""
     stated = {stated_unit(name, "angle") for name in names}
     if stated != {None}:
         return stated.pop() if len(stated) == 1 else None

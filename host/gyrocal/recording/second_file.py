@@ -104,7 +104,8 @@ class SecondFile:
             wrong = f"{other[0]} is no reference" if other else f"map {untimed}a reference"
             raise InputError(f"--ref-map: {wrong}; references are {', '.join(REFERENCES)}")
         source.check_has([m.column for m in mappings])
-        columns = dict(convert(source, mappings, rate_hz).columns)
+        table = convert(source, mappings, rate_hz)
+        columns = dict(table.columns)
         times, _ = even(columns.pop("t_s"), lambda _: str(self.path), self.path.name)
         if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
             columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
@@ -116,15 +117,19 @@ class SecondFile:
                     "was stamped by another clock: --ref-clock own"
                 )
             apart_s = 0.0
-        return Motion(times + apart_s + self.later_s, columns)
+        return Motion(times + apart_s + self.later_s, columns, f"{source.label}: {table.damage}" if table.damage else "")
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A reference's columns [k] at the times ``known_s`` [k], s, of the sensor's clock."""
+    """A reference's columns [k] at the times ``known_s`` [k], s, of the sensor's clock.
+
+    ``damage`` says what was left out of them or mended.
+    """
 
     known_s: Array
     columns: Mapping[str, Array]
+    damage: str = ""
 
     def at(self, t_s: Array) -> dict[str, Array]:
         """The columns at times [n], s, at which samples were taken; NaN where there is no reference."""

@@ -91,7 +91,7 @@ class Source:
         taken = {m.column for m in mappings}
         left = [name for name in self.names or self.frame.columns if name not in taken]
         left.sort(key=lambda name: re.search(LIKELY, name) is None)
-        return f"; columns not taken: {', '.join(left[:SHOWN_COLUMNS])}" if left else ""
+        return (f"; columns not taken: {', '.join(left[:SHOWN_COLUMNS])}" if left else "") + self.left_out
 
     def _column(self, mapping: ColumnMap) -> tuple[pl.Series, float]:
         """The column and the factor to the target's unit. Dates with times, and times of day, are whole nanoseconds."""

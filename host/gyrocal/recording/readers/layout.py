@@ -26,6 +26,11 @@ QUOTES = " \t\"'"
 SEPARATORS = ",\t;| "
 WITH_COLUMNS = ("--", "--ref-")
 """What the options begin with of the files whose columns an option of their own names."""
+OF_A_REFERENCE: Sequence[Sequence[str]] = (
+    ("time", "x", "y", "z", "qx", "qy", "qz", "qw"), ("time", "qx", "qy", "qz", "qw"),
+    ("time", "wx_dps", "wy_dps", "wz_dps"), ("time", "angle_deg"),
+)  # fmt: skip
+"""Names of a reference's columns in examples, the longest first."""
 MARK = re.compile(r"^(?:#+(?!(?:N/A|DIV/0!|NAME\?|NULL!|NUM!|REF!|VALUE!))|%+|//+|;+)")
 """A mark of a comment at the beginning of a line. What a spreadsheet writes for an error begins with such a character too."""
 UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
@@ -187,11 +192,18 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
     if option not in WITH_COLUMNS:
         return f"no header: {naming(option)}"
-    return f"no header: name all columns, as by {option}columns {_example(len(cells))}; else name the columns by {option}map"
+    example = _example(len(cells), option)
+    return f"no header: name all columns, as by {option}columns {example}; else name the columns by {option}map"
 
 
-def _example(count: int) -> str:
-    """As many names as a table has columns, as an example: a time, a gyroscope, an accelerometer."""
+def _example(count: int, option: str = "--") -> str:
+    """As many names as a table has columns, as an example: a time, a gyroscope, an accelerometer.
+
+    A reference's is of a pose, an orientation, three rates or an angle, each with a time.
+    """
+    if option == "--ref-":
+        pose = next(names for names in OF_A_REFERENCE if len(names) <= max(count, 2))
+        return ",".join([*pose, *(f"c{k}" for k in range(len(pose) + 1, count + 1))])
     sensors = ["gx", "gy", "gz", "ax", "ay", "az"]
     if count in (3, 6):  # without a time
         return ",".join(sensors[:count])
