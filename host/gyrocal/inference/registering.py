@@ -152,16 +152,19 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
     readings show sums of the map's elements alone.
     """
     design = current.design
-    fixed = enumerate(design.layout.fixed)
+    fixed, asked = enumerate(design.layout.fixed), enumerate(design.asked)
     kept = [(j, place) for j, column in fixed if (place := _place(design, column, i, axis)) is not None]
     columns, places = [j for j, _ in kept], [place for _, place in kept]
     weight: Array = np.asarray(np.linalg.inv(current.solution.cov[np.ix_(columns, columns)]), dtype=np.float64)
     values: Array = current.solution.beta[columns]
-    if design.sums is None:
-        return _AxisEstimate(places, weight, weight @ values)
-    asked = [(j, place) for j, column in enumerate(design.asked) if (place := _place(design, column, i, axis)) is not None]
-    sums = design.sums[np.ix_(columns, [j for j, _ in asked])]
-    return _AxisEstimate([place for _, place in asked], sums.T @ weight @ sums, sums.T @ weight @ values)
+    own = 1 + sum(float(value) for place, value in zip(places, values, strict=True) if place == 4 * i)
+    sums = np.eye(len(places))
+    if design.sums is not None:
+        whole = [(j, place) for j, column in asked if (place := _place(design, column, i, axis)) is not None]
+        places = [place for _, place in whole]
+        sums = design.sums[np.ix_(columns, [j for j, _ in whole])]
+    sums = sums * [own if place >= 9 else 1.0 for place in places]  # what a later clock changes, the axis reads with its scale
+    return _AxisEstimate(places, np.asarray(sums.T @ weight @ sums), np.asarray(sums.T @ weight @ values))
 
 
 def _place(design: Design, column: tuple[int, int], i: int, axis: str) -> int | None:

@@ -200,7 +200,7 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
     usual_dps = max(noise_dps, ROBUST * float(np.median(off_dps)))
     by_noise, by_rest = (POLICY.rest_spreads * sd_dps for sd_dps in (noise_dps, usual_dps))
     moved = off_dps > min(max(POLICY.rest_part_dps, by_noise), max(POLICY.rest_off_dps, by_rest))
-    farthest = off_dps[3 * off_dps > 2 * off_dps.max()]
+    farthest = off_dps[3 * off_dps >= 2 * off_dps.max()]
     one_step = float(np.std(farthest)) < ROBUST * noise_dps  # a code that is read wrongly; a movement gains and loses speed
     if one_step or np.mean(moved) < POLICY.rest_moved_part:
         return 0.0, 0.0
