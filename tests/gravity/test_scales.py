@@ -1,13 +1,17 @@
 """Scales by gravity that no sensor has, or that the movements leave unsure, beside a verdict."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from by_hand import turned_by
+from gyrocal.gravity import scales
 from gyrocal.gravity.calibrate import calibrate
 from gyrocal.gravity.compare import measure
+from gyrocal.gravity.fit import GravityFit
 from gyrocal.recording.session import Session
 
 TURNS = [("y", 90.0), ("z", 90.0), ("x", 90.0), ("y", -90.0), ("x", -90.0), ("z", -90.0)] * 2
@@ -41,3 +45,14 @@ def test_too_few_turns_are_told_of_the_axes_alone_that_lack_them() -> None:
     assert "because too few turn gravity about x" in told["x"]
     assert "because too few turn gravity about z" in told["z"]
     assert "although they turn gravity about y; most of that comes from the gyroscope noise: move quickly" in told["y"]
+
+
+@pytest.mark.parametrize(("stated", "told"), [((-0.25, 0.0055, 43.0), []), ((0.33, 0.005, 2.0), ["y"]), ((-0.25, 0.1, 43.0), ["y"])])
+def test_a_scale_is_judged_as_calibrate_states_it(
+    stated: tuple[float, float, float], told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``compare`` said y +33 % and ``calibrate`` -25+-24 % of one session whose movements contradict each other."""
+    fits = {1.0: (0.33, 0.005), stated[2]: stated[:2]}
+    monkeypatch.setattr(scales, "_scale", lambda fitted, axis: fits[fitted.misfit] if axis == "y" else (0.0, 0.0))
+    plain, full = (cast(GravityFit, SimpleNamespace(misfit=misfit)) for misfit in (1.0, stated[2]))
+    assert [w.axis for w in scales.implausible(plain, full)] == told

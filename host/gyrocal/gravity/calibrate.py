@@ -18,7 +18,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.budget import budget
 from gyrocal.gravity.fit import CROSS, GravityFit, fit, full
-from gyrocal.gravity.scales import unseen
+from gyrocal.gravity.scales import beyond_errors, unseen
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.long_steps import misses_samples
@@ -115,7 +115,7 @@ def _estimate(fitted: GravityFit, scenario: str, axis: str, warnings: Sequence[W
     if scale_se > POLICY.unseen:
         return Estimate(scenario, "model", seconds, axis, None, None, bias_dps, bias_se_dps, fitted.misfit, ordered(flags))
     excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows determine the scale less well
-    if abs(scale) > POLICY.largest_scale or abs(bias_dps) > POLICY.largest_bias_dps:
+    if beyond_errors(scale, scale_se * excess) or abs(bias_dps) > POLICY.largest_bias_dps:
         flags |= {"direction"} if 1 + scale < -POLICY.opposite else {"implausible"}
     return Estimate(
         scenario, "model", seconds, axis, scale, scale_se * excess, bias_dps, bias_se_dps, fitted.misfit, ordered(flags)

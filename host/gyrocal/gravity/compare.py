@@ -21,7 +21,7 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity import naming, scales
 from gyrocal.gravity.evidence import Evidence
-from gyrocal.gravity.fit import CROSS, GravityFit, fit, why_invisible
+from gyrocal.gravity.fit import CROSS, GravityFit, fit, full, why_invisible
 from gyrocal.gravity.heldout import HeldOut
 from gyrocal.gravity.observations import Rows, parameters
 from gyrocal.gravity.scene import Scene
@@ -94,7 +94,9 @@ def measure(session: Session, model: Model | str | Path | None = None) -> Compar
     warnings = [*plausibility.check(session, opened), *scene.warnings]
     fitted = fit(scene, opened)
     if not any(w.code == "scale_implausible" for w in warnings):
-        about_scales = [*scales.implausible(fitted), *scales.unseen(fitted, POLICY.largest_scale)]
+        found = scales.implausible(fitted)
+        stated = scales.implausible(fitted, fit(scene, full(opened))) if found else found
+        about_scales = [*stated, *scales.unseen(fitted, POLICY.largest_scale)]
         warnings += accepted(about_scales, session.accept)
     evidence = Evidence(fitted)
     note = ""

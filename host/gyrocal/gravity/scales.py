@@ -51,16 +51,20 @@ def _turns(fitted: GravityFit, axis: str) -> int:
     return count
 
 
-def implausible(fitted: GravityFit) -> list[Warning]:
+def implausible(fitted: GravityFit, stated: GravityFit | None = None) -> list[Warning]:
     """``scale_implausible``: fitted scales that no gyroscope has, beyond what their errors and the misfit explain.
 
-    A scale that ``calibrate`` would not state, because the movements do not determine it, accuses nothing.
+    A scale that ``calibrate`` would not state, because the movements do not determine it, accuses nothing. ``stated`` is the
+    fit with all misalignment, as ``calibrate`` states it: where that determines a scale, it is the one that is judged.
     """
     out = []
     for axis in AXES:
         scale, se = _scale(fitted, axis)
-        errors = POLICY.implausible_errors * se * max(1.0, fitted.misfit)
-        if se <= POLICY.unseen and abs(scale) > POLICY.largest_scale + errors:
+        accused = se <= POLICY.unseen and beyond_errors(scale, se * max(1.0, fitted.misfit))
+        if accused and stated is not None and _scale(stated, axis)[1] <= POLICY.unseen:
+            scale, se = _scale(stated, axis)
+            accused = beyond_errors(scale, se * max(1.0, stated.misfit))
+        if accused:
             text = (
                 f"the movements give {axis} a scale error of {scale:+.0%}; gyroscopes have a few percent. Check the range, the "
                 "size of one count (--lsb-dps when importing) and the samples a second, and that the sensor lay still between "
@@ -68,6 +72,11 @@ def implausible(fitted: GravityFit) -> list[Warning]:
             )
             out.append(Warning("scale_implausible", axis, None, text, True))
     return out
+
+
+def beyond_errors(scale: float, se: float) -> bool:
+    """True for a scale that no gyroscope has, beyond what its error explains, which the misfit has widened."""
+    return abs(scale) > POLICY.largest_scale + POLICY.implausible_errors * se
 
 
 def _scale(fitted: GravityFit, axis: str) -> tuple[float, float]:
