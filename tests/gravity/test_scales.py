@@ -47,7 +47,9 @@ def test_too_few_turns_are_told_of_the_axes_alone_that_lack_them() -> None:
     assert "although they turn gravity about y; most of that comes from the gyroscope noise: move quickly" in told["y"]
 
 
-@pytest.mark.parametrize(("stated", "told"), [((-0.25, 0.0055, 43.0), []), ((0.33, 0.005, 2.0), ["y"]), ((-0.25, 0.1, 43.0), ["y"])])
+@pytest.mark.parametrize(
+    ("stated", "told"), [((-0.25, 0.0055, 43.0), []), ((0.33, 0.005, 2.0), ["y"]), ((-0.25, 0.1, 43.0), ["y"])]
+)
 def test_a_scale_is_judged_as_calibrate_states_it(
     stated: tuple[float, float, float], told: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
