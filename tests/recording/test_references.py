@@ -163,6 +163,16 @@ def test_a_reference_that_never_turns_is_unrelated_without_a_warning_of_numpy(re
     assert found.registration.rotation_deg == Registration().rotation_deg
 
 
+@pytest.mark.parametrize("jitter_s", [0.0, 0.006])
+def test_times_that_scatter_are_told_beside_their_noise(jitter_s: float) -> None:
+    """The floor was 2.3 deg/s of a part with 0.1 at rest, and the verdict adequate: two chips were read some ms apart."""
+    rng = np.random.default_rng(2)
+    gyro = motion(T_S + rng.normal(0, jitter_s, T_S.size)) + rng.normal(0, 0.1, (T_S.size, 3))
+    told = [w for w in check(with_reference(gyro, **rates(motion(T_S)))) if w.code == "noise_unknown"]
+    assert {w.axis for w in told} == (set("xyz") if jitter_s else set())
+    assert all("scattered by 6 ms" in w.text or "scattered by 5." in w.text or "scattered by 6." in w.text for w in told)
+
+
 @pytest.mark.parametrize("ends_dps", [(416.0, -421.0), (300.0, -300.5)])
 def test_a_range_whose_end_is_no_single_value_is_clipping(ends_dps: tuple[float, float]) -> None:
     rng = np.random.default_rng(5)

@@ -12,7 +12,7 @@ import polars as pl
 
 from gyrocal.digits import percentage
 from gyrocal.errors import InputError
-from gyrocal.plausibility.runs import beside_others
+from gyrocal.plausibility.runs import CLUSTERS, beside_others, clustered_se
 from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import QUATERNION, RATES
 from gyrocal.recording.register import registered
@@ -33,7 +33,7 @@ TOLD = 5
 
 def check(session: Session) -> list[Warning]:
     """``reference_jumps``, ``reference_unrelated``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``,
-    ``hardly_turned`` and ``noise_unknown``.
+    ``hardly_turned`` and ``noise_unknown``, also of times that scatter.
     """
     out = [*_noise_unknown(session)]
     for run in session.runs:
@@ -59,8 +59,7 @@ def check(session: Session) -> list[Warning]:
         return [*out, Warning("reference_unrelated", None, None, text, True)]
     out += map(_lost, fit.lost)
     out += _hardly_turned(registered(session))
-    if fit.mirrored:
-        out.append(_mirrored(session, fit))
+    out += [_mirrored(session, fit)] if fit.mirrored else _jitters(registered(session))
     if fit.alternatives_s and fit.left <= POLICY.unrelated_part:
         offset_s = fit.registration.offset_s
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)
@@ -94,6 +93,43 @@ def _hardly_turned(session: Session) -> list[Warning]:
         )
         out.append(Warning("hardly_turned", axis, None, text))
     return out
+
+
+def _jitters(session: Session) -> list[Warning]:
+    """``noise_unknown`` of readings that leave a reference of three axes the more, the faster the rate changes.
+
+    So do times that scatter: the fit takes what they leave for noise. It is told where it is certain and the larger part.
+    """
+    out = []
+    for run in session.runs:
+        known, measured = run.reached, run.measured_rates
+        if measured is None or not run.three_axes or known.sum() < CLUSTERS**2:
+            continue
+        rates = np.column_stack([run.about(axis).rate_dps for axis in AXES])[known]
+        for i, axis in enumerate(AXES):
+            slope, y = measured.slope_about(i, run.registration)[known], run.gyro_dps[known, i]
+            columns = np.column_stack([np.ones(len(rates)), rates, slope])
+            power = (y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2
+            fast = slope**2 - np.mean(slope**2)
+            if not fast.any():
+                continue
+            jitter = float(fast @ power) / float(fast @ fast)
+            se = clustered_se(fast, power - power.mean() - jitter * fast)
+            if jitter > POLICY.turning_errors * se and 2 * jitter * np.mean(slope**2) > power.mean():
+                calm = power[slope**2 <= np.median(slope**2)]
+                out.append(Warning("noise_unknown", axis, run.file, _jitter_text(axis, power, calm, jitter)))
+    return out
+
+
+def _jitter_text(axis: str, power: Array, calm: Array, jitter: float) -> str:
+    whole_dps, calm_dps = (float(np.sqrt(np.mean(part))) for part in (power, calm))
+    return (
+        f"the readings of {axis} differ from the reference by {whole_dps:.2g} dps rms, "
+        f"{whole_dps / max(calm_dps, 1e-9):.1f} times as much as where the rate hardly changes, and the more, the faster it "
+        f"changes, as if times scattered by {1e3 * jitter**0.5:.2g} ms. The noise "
+        f"and the floor of {axis} contain this. Stamp readings and reference when they are "
+        "measured, or sample both faster"
+    )
 
 
 def _noisy(run: Run) -> list[Warning]:

@@ -90,7 +90,7 @@ def _mean(run: Run, axis: int) -> Mean:
         )  # fmt: skip
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
-    return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
+    return Mean(run, float(rate.mean()), float(y.mean()), clustered_se(np.ones(y.size), y - y.mean()))
 
 
 def _omega_rad_s(run: Run) -> float:
@@ -165,7 +165,7 @@ def _regression(y: Array, rate: Array, others: Array, noise_dps: float, size: fl
     left = y - y.mean() - slope * (rate - rate.mean())
     left = left - beside @ np.linalg.lstsq(beside, left, rcond=None)[0]
     flattened = min(noise_dps**2 * y.size / float(about @ about), 1.0)
-    se = float(np.linalg.norm([_clustered_se(about, left), size * flattened, size * leaked]))
+    se = float(np.linalg.norm([clustered_se(about, left), size * flattened, size * leaked]))
     shown = slope**2 * float(about @ about)
     explained = shown / max(shown + float(left @ left), 1e-300)
     return _Regression(slope, se, float(y.mean() - slope * rate.mean()), explained)
@@ -191,7 +191,7 @@ def told_by_others(run: Run, axis: str) -> bool:
     return bool(at.any()) and beside_others(own - own.mean(), others - others.mean(axis=0))[1] >= 1
 
 
-def _clustered_se(x: Array, residual: Array) -> float:
+def clustered_se(x: Array, residual: Array) -> float:
     """Standard error of a regression on ``x`` [n] with ``residual`` [n] correlated within each of :data:`CLUSTERS` segments.
 
     The sandwich estimator of Liang and Zeger, Biometrika 73 (1986) 13.
