@@ -197,3 +197,28 @@ def test_a_thousandth_of_an_angle_is_no_rate() -> None:
     for name, mapped in (("encoder_angle [mdeg]", "ref_angle_deg=encoder_angle [mdeg]:mdeg"), ("encoder [mrad]", None)):
         found = {g.map for g in guess(Source("a.csv", table.with_columns(pl.lit(1.0).alias(name))), Scaling())}
         assert {text for text in found if "encoder" in text} == ({mapped} if mapped else set())
+
+
+def _as_rostopic(again: int) -> pl.DataFrame:
+    """A boat at 4 Hz in rad/s, whose motion is too fast for these samples and looks white; rows are written several times."""
+    rng = np.random.default_rng(4)
+    sizes = np.repeat([0.1, 0.3, 0.2], 70)[:, None]
+    t_ns = (1_783_583_646_000_000_000 + 250_000_000 * np.arange(210)).repeat(again)
+    names = [f"field.angular_velocity.{a}" for a in "xyz"]
+    rates = pl.DataFrame((sizes * rng.normal(0, 1, (210, 3)) * [0.1, 1, 1]).repeat(again, axis=0), schema=names)
+    up = pl.DataFrame(rng.normal([0, 0, 9.8], 0.1, (210, 3)).repeat(again, axis=0), schema=[f"acc_{a}" for a in "xyz"])
+    return pl.concat([pl.DataFrame({"time": t_ns}), rates, up], how="horizontal")
+
+
+@pytest.mark.parametrize("again", [1, 25])
+def test_the_path_of_a_field_in_a_ros_message_defines_its_unit(again: int) -> None:
+    """A table of ``rostopic echo -p`` whose rows are written 25 times was told as 100 Hz, and its unit as not known."""
+    found = guess(Source("a.csv", _as_rostopic(again)), Scaling())
+    assert "gx_dps=field.angular_velocity.x:rad/s" in {g.map for g in found if not g.asks}
+    assert "make 4 samples a second" in found[0].why
+
+
+def test_a_motion_that_looks_white_is_no_noise_of_a_sensor_in_dps() -> None:
+    """Its size changes from minute to minute, which noise does not."""
+    table = _as_rostopic(1).rename(lambda name: name.replace("field.angular_velocity.", "gyro_"))
+    assert all(g.asks for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("g"))

@@ -196,6 +196,8 @@ def _swings(run: Run, axis: str) -> tuple[float, float]:
         return 0.0, 0.0
     middle = np.median(y, axis=1)
     off_dps = np.abs(middle - median_filter(middle, around, mode="nearest"))
+    if not off_dps.any():
+        return 0.0, 0.0
     noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 6 / size))
     usual_dps = max(noise_dps, ROBUST * float(np.median(off_dps)))
     by_noise, by_rest = (POLICY.rest_spreads * sd_dps for sd_dps in (noise_dps, usual_dps))

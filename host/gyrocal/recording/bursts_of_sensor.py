@@ -31,7 +31,7 @@ def grid_of_bursts(steps_s: Array) -> tuple[Index, float] | None:
     if sizes.size < FEWEST or np.any(sizes != sizes[0]) or sizes[0] < 2:
         return None
     within_s = np.delete(steps_s[between[0] : between[-1]], between[:-1] - between[0])
-    if np.unique(np.round(within_s / within_s.mean(), 3)).size <= TICKS:
+    if not within_s.any() or np.unique(np.round(within_s / within_s.mean(), 3)).size <= TICKS:
         return None
     size, starts_s = int(sizes[0]), np.cumsum(steps_s)[between]
     lengths = np.diff(starts_s) / (size * float(within_s.mean()))

@@ -11,6 +11,7 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
+from gyrocal.recording.copied_rows import copies
 from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.orientation import ALIKE_WITHIN, UNIT_WITHIN
 from gyrocal.recording.padding import readings_within
@@ -23,12 +24,6 @@ from gyrocal.recording.timing import smoothing_spline
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
 ACCELERATIONS = ("ax_g", "ay_g", "az_g")
-CHANCE = 1e-3
-"""Probability below which it is no chance that readings repeat where times do, and hardly ever elsewhere."""
-LONGER = 1.5
-"""Part of the usual interval above which that after a row and its copy is two intervals."""
-SELDOM = 0.01
-"""Part of the other rows whose readings may be those of the row before."""
 ANGLE_SMOOTHING = 16.0
 """Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
 
@@ -219,32 +214,17 @@ def _with_rotations(source: Source, table: Converted) -> Converted:
 
 
 def _written_once(table: Converted) -> Converted:
-    """The table without rows that repeat the row before, time and all.
-
-    Samples that share the stamp of their arrival differ in their readings, unless the readings hardly ever change. If the next
-    row comes after two intervals, the copy stands in the place of a sample of its own, and stays.
-    """
+    """The table without rows that repeat the row before, time and all."""
     t_s = table.columns.get("t_s")
-    if t_s is None or t_s.size < 2 or step_range_s(t_s)[0] > 0:
+    if t_s is None:
         return table
     readings = [c for name, c in table.columns.items() if name != "t_s"]
-    equal = np.all([(c[1:] == c[:-1]) | (np.isnan(c[1:]) & np.isnan(c[:-1])) for c in readings], axis=0)
-    stamped = np.diff(t_s) == 0
-    twice = stamped & equal
-    others = int((~stamped).sum())
-    if not twice.any() or (equal & ~stamped).sum() > SELDOM * others:
-        return table
-    if (1 - twice.sum() / stamped.sum()) ** others > CHANCE:
-        return table
-    kept = np.concatenate([[True], ~twice])
-    if kept.sum() < 2:
-        return table
-    steps_s, copied = np.diff(t_s[kept]), np.append(twice, False)[kept][:-1]
-    if copied.any() and not copied.all() and np.median(steps_s[copied]) > LONGER * np.median(steps_s[~copied]):
+    twice = copies(t_s, lambda: np.all([(c[1:] == c[:-1]) | (np.isnan(c[1:]) & np.isnan(c[:-1])) for c in readings], axis=0))
+    if twice is None:
         return table
     rows = np.delete(np.arange(table.height), table.gaps)
-    columns = {name: column[kept] for name, column in table.columns.items()}
-    gaps = np.sort(np.concatenate([table.gaps, rows[~kept]]))
+    columns = {name: column[~twice] for name, column in table.columns.items()}
+    gaps = np.sort(np.concatenate([table.gaps, rows[twice]]))
     return replace(table, columns=columns, gaps=gaps, repeated=int(twice.sum()))
 
 

@@ -24,7 +24,17 @@ from gyrocal.recording.column_names import (
     stated_unit,
     with_unit_of_rate,
 )
-from gyrocal.recording.guess_units import PHONE, Known, Motion, typical_rate_dps, unit_of_acceleration, unit_of_gyro, values_of
+from gyrocal.recording.copied_rows import written_once
+from gyrocal.recording.guess_units import (
+    PHONE,
+    ROS,
+    Known,
+    Motion,
+    typical_rate_dps,
+    unit_of_acceleration,
+    unit_of_gyro,
+    values_of,
+)
 from gyrocal.recording.one_sensor import check_one_sensor
 from gyrocal.recording.orientation import ALIKE_WITHIN, UNIT_WITHIN
 from gyrocal.recording.own_orientation import of_table, yaw_of
@@ -74,6 +84,8 @@ BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
 OF_A_PHONE = r"Gyroscope\w*\.[xyz]"
 """A column of a phone's file ``Gyroscope.csv`` that was joined with those of other sensors."""
+OF_ROS = re.compile(r"(?:^|[./])angular_velocity\.[xyz]$")
+"""A field of ROS' sensor_msgs/Imu by its path in the message, as ``rostopic echo -p`` and others write it."""
 REPEATED = 0.1
 """Part of the stamps that repeat the one before, from which on a finer clock of the same table is looked for."""
 FINER = 0.5
@@ -110,6 +122,8 @@ def guess(
     InputError where no gyroscope is recognized, or where its unit cannot be told.
     """
     check_one_sensor(source)
+    if not known.cuts:  # which count the rows as they are
+        source = written_once(source, named_as_time(source.frame.columns))
     exact = [name for name in TARGETS if name in source.frame.columns]
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
@@ -130,7 +144,8 @@ def guess(
             _add(found, guessed)
     si = any(g.map.endswith(":m/s2") for name, g in found.items() if name.startswith("a"))
     if gyro:
-        maker = PHONE if phone else "the accelerometer is in m/s2" if si else ""
+        phone_or_ros = PHONE if phone else ROS if all(OF_ROS.search(name) for name in gyro.values()) else ""
+        maker = phone_or_ros or "the accelerometer is in m/s2" * si
         unit = unit_of_gyro(source, gyro, _moves(source, found, scaling), _with_reference(known, source, found), maker, scaling)
         for axis, name in gyro.items():
             others = ", ".join(n for n in (*every[axis], *_left(source, gyro)) if n != name)

@@ -28,6 +28,7 @@ RAD = 180 / np.pi
 RADIANS = {"rad/s": 1.0, "dps": 1 / RAD}
 """What a reading of 1 turns in a second, rad."""
 PHONE = "phones write rad/s"
+ROS = "messages of this kind (sensor_msgs/Imu) define rad/s"
 LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
 COUNTS_ABOVE = 100.0
@@ -158,6 +159,8 @@ def unit_of_gyro(
             return Unit(f":{unit}", f"{up_to}; in {unit} they turn as the orientation in the same table does")
     if (unit := _by_statement(rates, motion, known)) is not None:
         return Unit(f":{unit}", f"{up_to}; in {unit} they are of the size of the rate that is known")
+    if maker == ROS:
+        return Unit(":rad/s", f"{up_to}, and {maker}")
     if (unit := _by_noise(rates)) is not None:
         return Unit(f":{unit}", f"{up_to}; the noise of a reading is that of a sensor in {unit}")
     if (unit := unit_of_rates(source.above)) is not None:
@@ -340,7 +343,10 @@ def typical_rate_dps(t_s: Array, columns: Mapping[str, Array]) -> float | None:
 
 
 def _by_noise(rates: Array) -> str | None:
-    """The unit by the noise of a reading where the sensor lies still, or is still at times."""
+    """The unit by the noise of a reading where the sensor lies still, or is still at times.
+
+    Noise has one size throughout. A motion that the samples are too slow to show looks white too, and changes.
+    """
     rates = rates[np.isfinite(rates).all(axis=1)]
     parts = [part for part in np.array_split(rates, max(1, len(rates) // 64)) if len(part) >= 32]
     if len(parts) < 3:
@@ -351,4 +357,5 @@ def _by_noise(rates: Array) -> str | None:
     if white.any() and float(noise[white].min()) < FINE_DPS:
         return "rad/s"
     still = np.ptp(np.array([part.mean(axis=0) for part in parts]), axis=0).max() < np.median(noise)
+    still &= noise.max() < WHITE * noise.min()
     return "dps" if still and np.median(spread) > TREMBLE_RAD_S else None
