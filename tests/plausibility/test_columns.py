@@ -1,6 +1,7 @@
 """Times and acceleration: any time a reader accepts is judged, and gravity may lie across the table's axis."""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -264,3 +265,19 @@ def test_a_damaged_packet_of_the_accelerometer_is_told_and_no_effect_sees_it() -
     assert not pose_changes([run])
     shaken = acc_g | {"ax_g": acc_g["ax_g"] + 9.0 * np.sin(40 * t_s) * (np.abs(t_s - 12) < 1)}
     assert not [w for w in check(make_session(make_run(t_s, gyro_dps, **shaken))) if w.code == "line_damaged"]
+
+
+@pytest.mark.parametrize(("rate_hz", "slow"), [(0.935, True), (0.98, False)])
+def test_a_log_of_less_than_once_a_second_is_told(rate_hz: float, slow: bool) -> None:
+    """One of 0.935 Hz was not, and numpy's own warnings reached the user."""
+    rng = np.random.default_rng(3)
+    t_s = np.arange(354) / rate_hz + rng.uniform(0, 0.1, 354)
+    gyro = (np.array([0.05, -0.05, -0.1]) + rng.normal(0, 0.05, (354, 3)) // 0.061) * 0.061
+    gyro[:, 0] = 0.061
+    gyro[::50, 0] = 0.122
+    session = make_session(make_run(t_s, gyro, table_rate_dps=0.0, rate_hz=rate_hz))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told = [w.text for w in check(session) if w.code == "sample_rate"]
+    assert len(told) == slow
+    assert all("ms?" in text for text in told)

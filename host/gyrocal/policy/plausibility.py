@@ -434,7 +434,7 @@ class Plausibility:
         chosen_by=COLUMNS,
     )  # fmt: skip
     slowest_hz: float = threshold(
-        0.9, "slowest sample rate that a recording has, Hz: that of a log of once a second, whose clock may be slow",
+        0.95, "slowest sample rate that a recording has, Hz: that of a log of once a second, off by sample_rate_off at most",
         larger="slow logs are called milliseconds", smaller="milliseconds are not recognised if the stated rate agrees",
         chosen_by=COLUMNS,
     )  # fmt: skip

@@ -180,7 +180,7 @@ def even(
         longest = int(np.argmax(steps_s)) + 1
         raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
-    if stamps.even and (kept := _with_few_mended(t_s, readings)) is not None:
+    if (kept := _with_few_mended(t_s, readings)) is not None:
         few = int(np.sum(steps_s <= 0))
         return kept, Warning(
             "sample_rate", None, file,

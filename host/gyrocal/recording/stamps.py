@@ -7,13 +7,14 @@ right and their single intervals are not. A lost sample shifts the numbers of al
 from __future__ import annotations
 
 import itertools
-from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gyrocal.recording.bursts_of_sensor import grid_of_bursts
+from gyrocal.recording.longest_course import longest_course
+from gyrocal.recording.whole_losses import SCATTERED, with_whole_losses
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -58,9 +59,10 @@ LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
 MOST_DAMAGED = 3
 """Damaged stamps in a row at most, with the course going on after them."""
-SCATTERED, OFTEN = 0.1, 0.05
-"""A step off the median by more than this part of it is none of an even sampler; with more such steps than this part of
-all, the stamps scatter."""
+OFTEN = 0.05
+"""With more unusual steps than this part of all, the stamps scatter."""
+ONCE_IN_A_WHILE = 0.02
+"""Part of the samples and of the waits that a stall may make longer."""
 OF_GRID = 0.02
 """Part of the steps that may be no whole number of intervals where the others are: exact stamps with lost samples."""
 LONG_TICK, EXACT = 4, 2.0
@@ -176,8 +178,7 @@ def regression(t_s: Array) -> Stamps:
     if not even:
         onward_s = _onward(fresh_s, interval_s)
         return Stamps(onward_s, interval_s, number, float(np.std(t_s - onward_s)), set_back, even=False)
-    bends = min((fresh_s[-1] - fresh_s[0]) / KNOT_S, t_s.size - 1)
-    fitted = _chain(number, fresh_s, max(2, round(bends) + 1))
+    fitted = _chain(number, fresh_s, _knots(fresh_s))
     late_s = t_s - fitted
     for first, by_s in set_back:
         late_s[first:] += by_s
@@ -241,7 +242,7 @@ def _without_stale(t_s: Array) -> Array:
     if step_range_s(t_s)[0] >= 0.0:
         return t_s
     # of two exchanged stamps the earlier goes, because the other may have come late: hence from the last to the first
-    ordered = t_s.size - 1 - _longest_course(-t_s[::-1])[::-1]
+    ordered = t_s.size - 1 - longest_course(-t_s[::-1])[::-1]
     return np.interp(np.arange(t_s.size), ordered, t_s[ordered])
 
 
@@ -279,23 +280,6 @@ def _onward(t_s: Array, interval_s: float) -> Array:
     return np.asarray(np.interp(every, first, t_s[first]) + interval_s * np.maximum(every - first[-1], 0))
 
 
-def _longest_course(t_s: Array) -> Index:
-    """The numbers of the most samples [k] whose stamps [n], s, do not go back (Schensted, Canad. J. Math. 13 (1961) 179)."""
-    ends_s: list[float] = []
-    last = np.zeros(t_s.size, dtype=np.intp)
-    before = np.full(t_s.size, -1, dtype=np.intp)
-    for i, t in enumerate(t_s.tolist()):
-        k = bisect_right(ends_s, t)
-        before[i] = last[k - 1] if k else -1
-        last[k] = i
-        ends_s[k : k + 1] = [t]
-    course = np.empty(len(ends_s), dtype=np.intp)
-    i = int(last[len(ends_s) - 1])
-    for k in range(len(ends_s) - 1, -1, -1):
-        course[k], i = i, int(before[i])
-    return course
-
-
 def _numbered(t_s: Array) -> tuple[Index, float, bool]:
     """The number of each sample [n], in which lost samples are counted; the interval, s: the slope of times on numbers; and
     whether the course is even. Where it is not, the numbers count the samples, and the interval is their mean one.
@@ -310,7 +294,7 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
     if (on_grid := grid_of_bursts(np.diff(t_s)) or _on_grid(t_s)) is not None:
         return *on_grid, True
     if _is_on_demand(t_s):
-        return *_with_pauses(t_s), False
+        return *(with_whole_losses(t_s) or _with_pauses(t_s)), False
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -325,7 +309,7 @@ def _numbered(t_s: Array) -> tuple[Index, float, bool]:
         every = np.arange(n)
         timely = _timely(every, t_s)
         return every, _slope_s(every[timely], t_s[timely]), True
-    if _contradicts(t_s, number, interval_s, burst):
+    if _contradicts(t_s, number, interval_s, burst) or _waits_too_long(t_s, number, interval_s):
         return *_with_pauses(t_s), False
     return number, interval_s, True
 
@@ -382,6 +366,22 @@ def _contradicts(t_s: Array, number: Index, interval_s: float, burst: int) -> bo
     early, missing = -np.diff(late), np.diff(number) > 1
     with_next = early + np.append(early[1:], 0.0)  # a sample may come on its own just before those that waited
     return bool(np.any(np.minimum(early, with_next)[missing] > burst + 0.5))
+
+
+def _waits_too_long(t_s: Array, number: Index, interval_s: float) -> bool:
+    """True if samples would have waited longer than from one arrival to the next, once losses are counted.
+
+    Those of an even sampler wait no longer. Where no count of losses makes them even, they are as late as losses add up to.
+    """
+    steps = np.diff(t_s)
+    early_s, latest_s = np.quantile(t_s - _chain(number, t_s, _knots(t_s)), [ONCE_IN_A_WHILE, 1 - ONCE_IN_A_WHILE])
+    wait_s = float(np.quantile(steps[steps > _mean_step_s(steps) / 2], 1 - ONCE_IN_A_WHILE))
+    return number[-1] + 1 > number.size and bool(latest_s - early_s > wait_s + LONG * interval_s)
+
+
+def _knots(t_s: Array) -> int:
+    """Moments at which the interval of stamps [n], s, may change."""
+    return max(2, round(min((t_s[-1] - t_s[0]) / KNOT_S, t_s.size - 1)) + 1)
 
 
 def _mean_with_gaps_s(t_s: Array) -> float:
