@@ -222,3 +222,30 @@ def test_a_motion_that_looks_white_is_no_noise_of_a_sensor_in_dps() -> None:
     """Its size changes from minute to minute, which noise does not."""
     table = _as_rostopic(1).rename(lambda name: name.replace("field.angular_velocity.", "gyro_"))
     assert all(g.asks for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("g"))
+
+
+@pytest.mark.parametrize(("unit", "one"), [("dps", 1.0), ("rad/s", np.pi / 180)])
+def test_a_steady_turn_that_gravity_does_not_show_is_a_bias_in_dps(unit: str, one: float) -> None:
+    """A cart that is shaken now and then, whose bias of 2 dps would be 125 dps in rad/s; a turntable in rad/s is none such."""
+    rng = np.random.default_rng(6)
+    shaken = 3.0 * (T_S < 6)[:, None]
+    up = np.array([0.2, 0.3, 9.7]) + rng.normal(0, 0.05 + shaken, (N, 3))
+    rates = np.array([-2.2, 0.0, -1.1]) + rng.normal(0, 0.15 + 0.2 * shaken, (N, 3))
+    if unit == "rad/s":
+        angle = np.radians(125.0 * T_S)
+        rates = one * (np.array([125.0, 0.0, 0.0]) + rng.normal(0, 0.15, (N, 3)))
+        up = np.column_stack([0 * angle, 9.8 * np.sin(angle), 9.8 * np.cos(angle)]) + rng.normal(0, 0.05, (N, 3))
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    found = guess(Source("a.csv", pl.DataFrame(np.column_stack([T_S, rates, up]), schema=names)), Scaling())
+    assert ("gx_dps=gx:dps" in {g.map for g in found if not g.asks}) == (unit == "dps")
+
+
+@pytest.mark.parametrize("one", [1.0, 9.80665])
+def test_the_unit_of_an_accelerometer_is_that_where_it_is_still(one: float) -> None:
+    """One that is shaken for most of the time was not recognized at all, and then asked for."""
+    rng = np.random.default_rng(7)
+    acc = one * (np.array([0.1, -0.2, 0.97]) + rng.normal(0, 1, (N, 3)) * np.where(T_S < 2, 0.01, 1.2)[:, None])
+    rates = rng.normal(0, 1, (N, 3)) * np.where(T_S < 2, 0.1, 90.0)[:, None]
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    found = guess(Source("a.csv", pl.DataFrame(np.column_stack([T_S, rates, acc]), schema=names)), Scaling())
+    assert f"az_g=az:{'g' if one == 1.0 else 'm/s2'}" in {g.map for g in found}

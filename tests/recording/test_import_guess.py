@@ -418,6 +418,20 @@ def test_cells_that_are_missing_are_shown_empty() -> None:
     assert shown["az_g"] == ("", "1")
 
 
+def test_first_cells_have_all_their_digits_and_an_unfinished_last_row_is_told_as_such(tmp_path: Path) -> None:
+    """Three stamps since 1970 were shown as 1268594645, and half a row as a line of text."""
+    rows = [f"{1268594644.75791 + k / 10:.6f},0.{k % 7},0.1,-0.2" for k in range(200)]
+    (tmp_path / "a.csv").write_text("\n".join(["tstamp,x,y,z", *rows, "126859"]))
+    maps = ("t_s=tstamp:s", *(f"g{a}_dps={a}:dps" for a in "xyz"))
+    found = read_recording(tmp_path / "a.csv", Options(maps=maps, defaults={"table_rate_dps": 0.0}))
+    assert found.first_rows[0].values == ("1268594644.757910", "1268594644.857910", "1268594644.957910")
+    (told,) = [w.text for w in found.warnings if w.code == "line_damaged"]
+    assert "the last row, which is unfinished, is left out (row 202)" in told
+    whole = Source("a.csv", pl.DataFrame({"t_s": [1268594644.75791, 5.0893847806400e13], "gz_dps": [0.1, 2.0]}))
+    shown = first_rows(whole, [ColumnMap(name, name) for name in whole.frame.columns])
+    assert shown[0].values == ("1268594644.75791", "50893847806400")
+
+
 def test_a_receivers_time_of_day_is_no_count_of_milliseconds() -> None:
     """123859900 is followed by 123900000: as milliseconds the recording would be 40 s longer for each minute."""
     tenths = 583_553 + np.arange(N * 5) // 5  # a clock of 0.1 s, five samples each

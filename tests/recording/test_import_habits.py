@@ -155,6 +155,14 @@ REFUSED: dict[str, tuple[str, str]] = {
         "\n".join(f"{r[0]},imu,{','.join(r[1:])}\n{r[0]},baro,487.5\n{r[0]},gps,55.1,37.2" for r in ROWS),
         "several kinds, named in cell 2: imu, baro, gps. Keep the rows of one kind in a file of their own, as imu",
     ),
+    "kinds of equal width": (
+        "\n".join(f"l,{','.join(r[1:4])},,{r[0]}\ng,{','.join(r[1:4])},,{r[0]}\nr,1,0,0,0,{r[0]}" for r in ROWS),
+        "several kinds, named in cell 1: l, g, r. Keep the rows of one kind in a file of their own, as g",
+    ),
+    "kinds one after the other": (
+        "\n".join(["Kind,F,A,B,C", *["Depth,1,9,8,7"] * 300, *[f"Gyro,0,7,{','.join(ROWS[0])},9"] * 300]),
+        "several kinds, named in cell 1: Depth, Gyro. Keep the rows of one kind in a file of their own, as Gyro",
+    ),
     "labels with brackets and an address": (
         "\n".join(f"RAW 0x68: accel=(9252, -5612, -12084) gyro=({', '.join(r[1:])})" for r in ROWS), "write the names once",
     ),

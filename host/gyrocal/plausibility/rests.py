@@ -39,8 +39,9 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
             low_dps, high_dps = _range_dps(run, axis)
             if high_dps - low_dps > POLICY.largest_bias_dps:
                 text = (
-                    f"the run is said to be at rest, but {axis} goes from {low_dps:.3g} to {high_dps:.3g} dps: the sensor "
-                    "turns. Give its true rate, cut the turn out (--run when importing), or record the rest again"
+                    f"the run is said to be at rest, but the means of {axis} over a second go from {low_dps:.3g} to "
+                    f"{high_dps:.3g} dps, without the farthest: the sensor turns. Give its true rate, cut the turn out "
+                    "(--run when importing), or record the rest again"
                 )
                 out.append(Warning("not_at_rest", axis, run.file, text, True))
                 seen.add(run.file)

@@ -16,7 +16,7 @@ from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.orientation import ALIKE_WITHIN, UNIT_WITHIN
 from gyrocal.recording.padding import readings_within
 from gyrocal.recording.session import Array
-from gyrocal.recording.source import MOST_DAMAGED, Booleans, Source
+from gyrocal.recording.source import MOST_DAMAGED, OTHER_WIDTH, Booleans, Source
 from gyrocal.recording.stamps import damaged_stamps, step_range_s
 from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
@@ -280,6 +280,11 @@ def _words(
     if damaged.any():
         many = f"{int(damaged.sum())} damaged rows are" if damaged.sum() > 1 else "a damaged row is"
         told.append(f"{many} left out ({_first(source, mappings, kept, damaged, lacking)})")
+    if footer.any() and source.frame[mappings[0].column][int(kept[np.flatnonzero(footer)[-1]])] == OTHER_WIDTH:
+        footer = footer.copy()
+        cut = int(np.flatnonzero(footer)[-1])
+        footer[cut] = False
+        told.append(f"the last row, which is unfinished, is left out (row {source.first_row + int(kept[cut])})")
     if footer.any():
         many = f"{int(footer.sum())} lines of text are" if footer.sum() > 1 else "a line of text is"
         told.append(f"{many} left out (row {source.first_row + int(kept[np.flatnonzero(footer)[0]])})")

@@ -51,5 +51,9 @@ def first_rows(source: Source, mappings: Sequence[ColumnMap], guessed: Sequence[
 
 
 def _shown(cell: Any) -> str:
+    """A cell as it is in the file: of a number the fewest digits that are no other number."""
     missing = cell is None or (isinstance(cell, float) and isnan(cell))
-    return "" if missing else f"{cell:.10g}" if isinstance(cell, float) else str(cell)
+    if missing or not isinstance(cell, float):
+        return "" if missing else str(cell)
+    short = f"{cell:.10g}"
+    return short if float(short) == cell else repr(cell).removesuffix(".0")

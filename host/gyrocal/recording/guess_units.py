@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.column_map import STANDARD_GRAVITY, ColumnMap, Scaling
 from gyrocal.recording.column_names import stated_unit
 from gyrocal.recording.cut import Cut
@@ -45,6 +46,8 @@ LEAST_G = 0.2
 VARIES = 2.0
 """Upper over lower quartile of the sizes of accelerations, from which on gravity is no more than the least of them: 1.1 to 1.6
 on feet, drones, robots and in hands, 4.5 to 5.1 at the rim of a wheel, 3.3 to 5.7 of a phone's acceleration without gravity."""
+STILL_PIECE, FEWEST_STILL, STILL = 32, 3, 0.05
+"""Samples of a piece, such pieces at least, and their scatter as a part of their mean, where gravity alone is shown."""
 MOVING = 0.2
 """Readings that are off their median by more than this are of a movement, in either unit of the readings."""
 CLEARLY = 4.0
@@ -119,6 +122,10 @@ def unit_of_acceleration(source: Source, names: Sequence[str], scaling: Scaling)
     for counts in COUNTS_PER_G:
         if 0.9 < size / counts < 1.1:
             return Unit(f"/{counts}", f"its size is {size:.6g} counts")
+    if (still := _still_size(parts, length)) is not None:
+        for unit, one in ACCELERATIONS:
+            if 0.8 < still / one < 1.25:
+                return Unit(f":{unit}", f"its size is {still:.4g} where it is still")
     if size < LEAST_G:
         return None
     if whole:
@@ -128,6 +135,22 @@ def unit_of_acceleration(source: Source, names: Sequence[str], scaling: Scaling)
     unit, one = min(ACCELERATIONS, key=lambda unit: abs(np.log(size / unit[1])))
     why = f"its size is {size:.4g}, and gravity is {one:.4g}: the scale of this accelerometer is wrong"
     return Unit(f":{unit}", why, sure=False)
+
+
+def _still_size(parts: Sequence[Array], length: int) -> float | None:
+    """The size of three columns' means where they scatter little about these; None where no more than two pieces are so.
+
+    A part that is shaken shows more than gravity, or less. Accelerations without gravity scatter by more than their mean.
+    """
+    count = length // STILL_PIECE
+    if count < FEWEST_STILL:
+        return None
+    pieces = np.column_stack([p[: count * STILL_PIECE] for p in parts]).reshape(count, STILL_PIECE, 3)
+    size, spread = np.linalg.norm(pieces.mean(axis=1), axis=1), np.sqrt(pieces.var(axis=1).sum(axis=1))
+    still = spread < STILL * size
+    if still.sum() < FEWEST_STILL:
+        return None
+    return float(np.median(size[still & (spread <= np.median(spread[still]))]))
 
 
 def unit_of_gyro(
@@ -155,6 +178,8 @@ def unit_of_gyro(
     if motion is not None and len(names) == 3:
         if motion.acc is not None and (unit := _by_gravity(rates, motion.t_s, motion.acc)):
             return Unit(f":{unit}", f"{up_to}; in {unit} they turn as gravity does in the accelerometer")
+        if motion.acc is not None and (turn_dps := _steady_turn_dps(rates, motion.t_s, motion.acc)):
+            return Unit(":dps", f"{up_to}; in rad/s it would turn by {turn_dps:.3g} deg each second, and gravity stays")
         if motion.turned is not None and (unit := _by_orientation(rates, motion.t_s, motion.turned)):
             return Unit(f":{unit}", f"{up_to}; in {unit} they turn as the orientation in the same table does")
     if (unit := _by_statement(rates, motion, known)) is not None:
@@ -237,6 +262,23 @@ def _by_gravity(rates: Array, t_s: Array, acc: Array) -> str | None:
         if unit := _clearly(misfit, unturned):
             return unit
     return None
+
+
+def _steady_turn_dps(rates: Array, t_s: Array, acc: Array) -> float:
+    """The steady rate of readings [n, 3] in rad/s, deg/s, that is beyond a bias and that gravity contradicts; 0 if none is.
+
+    A sensor that turned so would show gravity on a cone about the axis of the turn, and it shows it in one place.
+    """
+    good = np.isfinite(rates).all(axis=1) & np.isfinite(acc).all(axis=1) & np.isfinite(t_s)
+    middle = np.median(rates[good], axis=0) if good.any() else np.zeros(3)
+    size, gravity = float(np.linalg.norm(middle)), directions(t_s[good], acc[good])
+    if gravity is None or not size <= POLICY.largest_bias_dps < size * RAD or size * float(np.ptp(t_s[good])) < np.pi:
+        return 0.0
+    up = gravity.up[gravity.edge : -gravity.edge]
+    mean = np.median(up, axis=0) / max(float(np.linalg.norm(np.median(up, axis=0))), 1e-12)
+    off = float(np.median(np.arccos(np.clip(up @ mean, -1.0, 1.0))))
+    cone = float(np.arccos(min(1.0, abs(float(mean @ middle)) / size)))
+    return size * RAD if CLEARLY * off < cone else 0.0
 
 
 def _moving(rates: Array) -> Mask:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gyrocal.errors import InputError
+from gyrocal.recording.one_sensor import OF_GYROSCOPES
 
 HEADER_SEARCH_LINES = 200
 ROWS_LOOKED_AT = 20
@@ -260,9 +261,11 @@ def several_kinds(lines: Sequence[str]) -> str:
             counted = Counter(row[place] for row in named if mostly_numbers(row[:place] + row[place + 1 :]))
             kinds = [kind for kind, count in counted.most_common() if count > 1]
             of_kinds = [row for row in named if row[place] in kinds]
-            if 1 < len(kinds) <= len(of_kinds) / 4 and 2 * len(of_kinds) > len(rows) and len(set(map(len, of_kinds))) > 1:
+            gyroscopes = [kind for kind in kinds if re.fullmatch(OF_GYROSCOPES, kind)]
+            apart = gyroscopes or len(set(map(len, of_kinds))) > 1
+            if 1 < len(kinds) <= len(of_kinds) / 4 and 2 * len(of_kinds) > len(rows) and apart:
                 numbers = Counter({kind: max(len(row) for row in of_kinds if row[place] == kind) for kind in kinds})
-                kind = numbers.most_common(1)[0][0]
+                kind = (gyroscopes or [numbers.most_common(1)[0][0]])[0]
                 return (
                     f"rows are of several kinds, named in cell {place + 1}: {', '.join(kinds)}. Keep the rows of one kind in a "
                     f"file of their own, as {kind}, and name all columns of it in their order"

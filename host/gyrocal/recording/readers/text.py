@@ -205,9 +205,9 @@ def _of_other_width(path: Path, body: bytes, table: pl.DataFrame, layout: Layout
     count, total = int(odd.sum()), int((~blank).sum())
     if count > MOST_DAMAGED * total:
         row = int(np.flatnonzero(odd)[0])
-        last = min(ends.size - 1, HEADER_SEARCH_LINES)
-        first_lines = body[ends[0] + 1 : ends[last]].decode("utf-8", errors="replace").split("\n")
-        if several := layouts.several_kinds(first_lines):
+        drawn = np.linspace(0, ends.size - 2, HEADER_SEARCH_LINES).astype(int)  # the rows of a kind may follow another's
+        lines = [body[ends[k] + 1 : ends[k + 1]].decode("utf-8", errors="replace") for k in np.unique(drawn)]
+        if several := layouts.several_kinds(lines):
             raise InputError(f"{path}: row {layout.first + 1 + row}: {several}")
         raise InputError(
             f"{path}: row {layout.first + 1 + row}: {widths[row]} cells, and the table has {layout.width} in a row; {count} of "
