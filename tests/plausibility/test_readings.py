@@ -327,3 +327,18 @@ def test_a_turn_by_hand_that_is_cut_off_is_told(range_dps: float | None) -> None
     told = check(session.with_runs(runs))
     assert [(w.code, w.axis) for w in told] == ([] if range_dps is None else [("clipped", "x"), ("clipped", "y")])
     assert all(f"{range_dps:g} dps" in w.text and "saturation" not in w.text for w in told)
+
+
+def test_one_reading_that_makes_the_rms_is_told() -> None:
+    """One of -16 dps made the rms of an axis 318 mdps, and its floor 320, and was named nowhere."""
+    rng = np.random.default_rng(5)
+    y_dps = rng.normal(0, 0.05, (3000, 3))
+    quiet = make_session(make_run(np.arange(3000) / 50, y_dps, table_rate_dps=0.0, rate_hz=50.0))
+    assert not [w for w in check(quiet) if w.code == "line_damaged"]
+    y_dps[165, 2] = -16.26
+    (told,) = check(make_session(make_run(np.arange(3000) / 50, y_dps, table_rate_dps=0.0, rate_hz=50.0)))
+    assert (told.code, told.axis, told.blocking) == ("line_damaged", "z", False)
+    assert "one reading of z is -16.26 dps (at 3.3 s)" in told.text
+    y_dps[rng.choice(3000, 40), 2] += 16.0  # a bit that is read wrongly is an effect of its own
+    many = make_session(make_run(np.arange(3000) / 50, y_dps, table_rate_dps=0.0, rate_hz=50.0))
+    assert not [w for w in check(many) if w.code == "line_damaged"]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fitted import Fit
-from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
+from gyrocal.plausibility import columns, header, lone, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, Session
@@ -51,6 +51,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *readings.first_sample(session, levels_dps),
         *readings.last_sample(session, levels_dps),
         *readings.repeated(session),
+        *lone.check(session),
         *header.check(session),
     ]
     return accepted(found, session.accept)
