@@ -7,8 +7,10 @@ import pytest
 
 from gyrocal.diagnosis.answer.compare import compare
 from gyrocal.diagnosis.answer.diagnose import diagnose
+from gyrocal.diagnosis.naming.candidates import candidates
+from gyrocal.diagnosis.residual.comparison import measure
 from gyrocal.recording.session import Array, Session
-from known import ON_Z
+from known import ON_Y, ON_Z
 from make_runs import make_run, make_session
 
 pytestmark = pytest.mark.usefixtures("known_answers", "tests_alone")
@@ -91,3 +93,24 @@ def test_noise_that_grows_with_the_rate_is_adequate_where_each_block_is_one_samp
     assert found.verdict == "adequate"
     for level in found.per_axis.values():
         assert level.rms_dps == pytest.approx(level.floor_dps, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_noise_that_grows_with_the_rate_is_in_the_errors_beside_turns_of_known_angle(seed: int) -> None:
+    """The error of a misalignment was 1.8 times too small, and that of nothing was named: the means of turns show no level."""
+    rng, runs, t_s = np.random.default_rng(seed), [], np.arange(1200) / 200.0
+    for cycle in range(4):
+        offset = rng.normal(0, 0.02, 3)
+        for rate_dps in (0.0, -60.0, 0.0, 30.0, 0.0, -180.0, 0.0, 60.0, 0.0, -30.0, 180.0):
+            gyro = offset + rng.normal(0, np.hypot(0.115, 0.00135 * rate_dps), (t_s.size, 3))
+            gyro[:, 2] += rate_dps
+            rest = {"table_rate_dps": 0.0}
+            turn = {"turn_deg": rate_dps * 6.0, "turn_se_deg": 0.05, "table_rate_dps": None}
+            runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", rate_hz=200.0, **(turn if rate_dps else rest)))
+    found = measure(make_session(*runs), ON_Y)
+    (misalignment,) = (c for c in candidates(found, unless=0.0) if c.effect.id == "misalignment")
+    rate = np.array([float(np.mean(r.rate_dps)) for r in runs])
+    columns = np.column_stack([rate, *(np.repeat(np.eye(4), 11, axis=0).T)])
+    sd = np.array([r.gyro_dps[:, 1].std() / len(r) ** 0.5 for r in runs])
+    own_se = np.linalg.inv((columns / sd[:, None]).T @ (columns / sd[:, None]))[0, 0] ** 0.5
+    assert misalignment.se["m"] == pytest.approx(own_se, rel=0.1)

@@ -34,10 +34,16 @@ OF_ENDS = 1.0
 
 
 def shaped(current: AxisFit) -> AxisFit:
-    """The fit with the level of the noise in each block, and its colour, as the residuals show them."""
+    """The fit with the level of the noise in each block, and its colour, as the residuals show them.
+
+    Of a turn of known angle the mean alone is fitted, which says nothing of its level. On the other axes the scatter of its
+    samples does, unless the means contradict it; about its own axis that scatter is the course of the turn.
+    """
     weighted = _weighted(current)
     if weighted is not None:
-        current = _better(current, weighted)
+        turned = {b.run.axis_index for b in current.design.blocks if b.run.rate_is_mean}
+        of_turns = bool(turned) and current.design.axis not in turned
+        current = _better(current, weighted, -POLICY.noise_level_loss if of_turns else POLICY.noise_shape_gain)
     if of_angle(current):
         return _better(current, _with_noise_of_angle(current))
     color = _color(current)
@@ -194,8 +200,8 @@ def _with_noise_of_angle(current: AxisFit) -> AxisFit:
     return fits[float(found.x)]
 
 
-def _better(current: AxisFit, trial: AxisFit) -> AxisFit:
-    return trial if trial.loglik > current.loglik + POLICY.noise_shape_gain else current
+def _better(current: AxisFit, trial: AxisFit, least_gain: float = POLICY.noise_shape_gain) -> AxisFit:
+    return trial if trial.loglik > current.loglik + least_gain else current
 
 
 def _refitted(current: AxisFit, color: Color) -> AxisFit:

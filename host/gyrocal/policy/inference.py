@@ -63,6 +63,12 @@ class Inference:
         2.0, "log-likelihood that a changing level or a colour of the noise must gain",
         larger="bursts and filtered noise are described as white noise", smaller="white noise is given a shape by chance",
     )  # fmt: skip
+    noise_level_loss: float = threshold(
+        6.0, "log-likelihood that the level of the noise which samples show may cost the means of turns about other axes",
+        larger="vibration that averages out over a turn counts in its mean",
+        smaller="noise that grows with the rate is taken for that of rests: the true level cost up to 3.2 in 17 sessions",
+        chosen_by="chosen by judgement: twice that cost; 20 turns that vibrate to twice the noise cost 20 (ln 2 - 3/8) = 6.4",
+    )  # fmt: skip
     contradiction_chance: float = threshold(
         0.01, "probability under noise, over all coefficients of an axis with a misfit, that the parts of the data contradict "
         "each other, below which the contradiction counts in the standard errors",
