@@ -487,3 +487,18 @@ def test_a_gap_in_the_orientations_changes_no_slope() -> None:
 def test_rests_beside_a_reference_at_rest_are_not_unrelated() -> None:
     noise = np.random.default_rng(0).normal(0, 0.05, (2, T_S.size, 3))
     assert "reference_unrelated" not in {w.code for w in references.check(with_reference(noise[0], **rates(noise[1])))}
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_step_of_the_search_beyond_the_readings_ends_no_fit(seed: int) -> None:
+    """Swings of seven seconds by a clock of their own: "the reference covers fewer than 8 samples", which it did not."""
+    rng, runs, t_s = np.random.default_rng(seed), [], np.arange(760) / 100.0
+    for k in range(3 if seed == 1 else 2):
+        f_hz, phase = rng.uniform(0.1, 0.6), rng.uniform(0, 6.28)
+        read, true = (105 * np.cos(2 * np.pi * f_hz * (t_s - by_s) + phase) for by_s in (0.28, 0.0))
+        gyro = rng.normal(0, 0.03, (t_s.size, 3))
+        gyro[:, 2] += 0.998 * read + 0.5
+        noisy = true + rng.normal(0, 0.1, t_s.size)
+        runs.append(make_run(t_s, gyro, table_rate_dps=None, scenario=f"s{k}", rate_hz=100.0, rate_ref_dps=noisy))
+    found = {p.name: p.value for p in registered(make_session(*runs, reference=Reference(clock="own"))).registration_parameters}
+    assert abs(found["offset_s"]) == pytest.approx(0.28, abs=0.01)

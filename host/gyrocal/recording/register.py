@@ -332,7 +332,10 @@ class _Search:
         for _ in range(ROUNDS):
             offset_s, drift = (trial.step[0], trial.step[1]) if drifts else (trial.step[2], 0.0)
             for halved in (1.0, 0.5, 0.25, 0.1):
-                following = self.trial(trial.offset_s + halved * offset_s, trial.drift + halved * drift, span_s)
+                try:
+                    following = self.trial(trial.offset_s + halved * offset_s, trial.drift + halved * drift, span_s)
+                except InputError:  # so far off that the reference reaches too few readings
+                    continue
                 if following.left < trial.left:
                     break
             else:
