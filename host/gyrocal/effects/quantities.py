@@ -119,8 +119,7 @@ def reading_error_dps(run: Run, axis: int) -> Array:
 def sense_of_rotation(run: Run) -> Array:
     """The sign of the true rate, shape [n]; 0 where the noise of the reference exceeds a tenth of it."""
     rate_dps = true_rate_dps(run)
-    noise_dps = 0.0 if run.smooth_rate is None else run.smooth_rate.noise.sd
-    return np.where(np.abs(rate_dps) > 10 * noise_dps, np.sign(rate_dps), 0.0)
+    return np.where(np.abs(rate_dps) > 10 * noise_of_rate_dps(run), np.sign(rate_dps), 0.0)
 
 
 def turns(runs: Sequence[Run], axis: int) -> bool:
