@@ -83,8 +83,8 @@ class DeadBand(Effect):
         """
         if values["width_dps"] <= min((float(r.step_dps.max()) for r in runs), default=0.0):
             yield Objection.UNSEEN
-        edgeless = _beyond_the_edge_dps(runs, axis, values["width_dps"]) > values["width_dps"]
-        if edgeless or not LEAST_DEPTH <= values["depth"] <= MOST_DEPTH:
+        takes_most = LEAST_DEPTH <= values["depth"] <= MOST_DEPTH
+        if not takes_most or (runs and _beyond_the_edge_dps(runs, axis, values["width_dps"]) > values["width_dps"]):
             yield Objection.CONTRADICTED
 
     def refinement(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> Refinement:

@@ -78,13 +78,14 @@ def look(session: Session) -> Found:
     rests: list[Rest] = []
     turning: list[Rest] = []
     for louder in POLICY.rest_factors:
-        found = [rest for number, run in enumerate(session.runs) for rest in _joined(run, number, _still(run, louder))]
+        found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
         if _scatter_dps(found) > POLICY.rest_rate_dps:
             turning = max(turning, found, key=len)
             continue
         rests = max(rests, found, key=_poses)
         if _poses(rests) >= POLICY.enough_rests:
             break
+    rests = _joined(session, rests)
     moved = _moved(session, rests)
     kept = [r for i, r in enumerate(rests) if i not in moved]
     if turning and len(kept) < POLICY.fewest_rests:
@@ -106,15 +107,19 @@ def look(session: Session) -> Found:
     return Found(kept, movements, warnings, len(moved))
 
 
-def _joined(run: Run, number: int, still: Sequence[tuple[int, int]]) -> list[Rest]:
-    """The rests of a run. Still stretches are one rest if the readings between them lead nowhere, and gravity stays."""
+def _joined(session: Session, pieces: Sequence[Rest]) -> list[Rest]:
+    """The rests, of which those are one between which the readings lead nowhere and gravity stays.
+
+    Where few would be left, the pieces remain: each of them tells the bias at its own time.
+    """
     out: list[Rest] = []
-    for start, stop in still:
-        rest = _rest(run, number, start, stop)
-        if out and _stays(run, out[-1], rest):
-            rest = _rest(run, number, out.pop().start, stop)
-        out.append(rest)
-    return out
+    for rest in pieces:
+        run = session.runs[rest.run]
+        if out and out[-1].run == rest.run and _stays(run, out[-1], rest):
+            out.append(_rest(run, rest.run, out.pop().start, rest.stop))
+        else:
+            out.append(rest)
+    return out if len(out) >= POLICY.enough_rests else list(pieces)
 
 
 def _stays(run: Run, before: Rest, after: Rest) -> bool:

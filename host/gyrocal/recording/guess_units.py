@@ -267,7 +267,8 @@ def _by_gravity(rates: Array, t_s: Array, acc: Array) -> str | None:
 def _steady_turn_dps(rates: Array, t_s: Array, acc: Array) -> float:
     """The steady rate of readings [n, 3] in rad/s, deg/s, that is beyond a bias and that gravity contradicts; 0 if none is.
 
-    A sensor that turned so would show gravity on a cone about the axis of the turn, and it shows it in one place.
+    A sensor that turned so would show gravity on a cone about the axis of the turn, and it shows it in one place. A turn about
+    gravity shows no cone, also if a bias tilts the axis somewhat.
     """
     good = np.isfinite(rates).all(axis=1) & np.isfinite(acc).all(axis=1) & np.isfinite(t_s)
     middle = np.median(rates[good], axis=0) if good.any() else np.zeros(3)
@@ -278,7 +279,7 @@ def _steady_turn_dps(rates: Array, t_s: Array, acc: Array) -> float:
     mean = np.median(up, axis=0) / max(float(np.linalg.norm(np.median(up, axis=0))), 1e-12)
     off = float(np.median(np.arccos(np.clip(up @ mean, -1.0, 1.0))))
     cone = float(np.arccos(min(1.0, abs(float(mean @ middle)) / size)))
-    return size * RAD if CLEARLY * off < cone else 0.0
+    return size * RAD if max(CLEARLY * off, np.deg2rad(POLICY.same_pose_deg)) < cone else 0.0
 
 
 def _moving(rates: Array) -> Mask:
