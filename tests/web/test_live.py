@@ -80,7 +80,6 @@ def test_all_strips_are_in_sight_beside_an_answer(served: Any, look: Callable[..
         assert page.locator(".strips canvas").bounding_box()["height"] > 250
 
 
-@pytest.mark.wide
 def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], scenario: Session) -> None:
     link = served.folder / "board"
     with SimulatedDevice(scenario, 1.0, symlink=link):
