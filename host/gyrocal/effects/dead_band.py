@@ -110,7 +110,8 @@ def _beyond_the_edge_dps(runs: Sequence[Run], axis: int, width_dps: float) -> fl
     clear_dps = 2 * FIRST_SIGHT * white_sd_dps(runs, axis)
     largest = 0.0
     for run in (r for r in runs if r.axis_index == axis and not r.rate_is_mean):
-        w_dps, y_dps = rate_about(run, axis)[run.reached], run.gyro_dps[run.reached, axis]
+        reached = run.reached
+        w_dps, y_dps = rate_about(run, axis)[reached], run.gyro_dps[reached, axis]
         inside = np.abs(w_dps) < width_dps
         if not inside.any() or np.count_nonzero(~inside) < 2:
             continue

@@ -72,10 +72,14 @@ def rate_noise(run: Run, axis: int, samples: float) -> tuple[Array, float] | Non
     return run.smooth_rate.error_of_means(samples), run.smooth_rate.noise.uncertainty
 
 
+def noise_of_slope_dps(run: Run) -> float:
+    """The noise of one sample of a true rate that is the slope of one measured angle, deg/s; 0 of any other rate."""
+    return 0.0 if run.measured_rates is None else run.measured_rates.noise_dps
+
+
 def noise_of_rate_dps(run: Run) -> float:
     """The noise of one sample of the measured true rate, deg/s; 0 if the rate is not measured."""
-    of_angle = 0.0 if run.measured_rates is None else run.measured_rates.noise_dps
-    return of_angle if run.smooth_rate is None else run.smooth_rate.noise.sd
+    return noise_of_slope_dps(run) if run.smooth_rate is None else run.smooth_rate.noise.sd
 
 
 RATE_STEP_DPS = 1e-3

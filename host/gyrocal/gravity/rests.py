@@ -114,16 +114,16 @@ def _joined(session: Session, pieces: Sequence[Rest]) -> list[Rest]:
     """
     out: list[Rest] = []
     for rest in pieces:
-        run = session.runs[rest.run]
-        if out and out[-1].run == rest.run and _stays(run, out[-1], rest):
-            out.append(_rest(run, rest.run, out.pop().start, rest.stop))
-        else:
+        whole = _whole(session.runs[rest.run], out[-1], rest) if out and out[-1].run == rest.run else None
+        if whole is None:
             out.append(rest)
+        else:
+            out[-1] = whole
     return out if len(out) >= POLICY.enough_rests else list(pieces)
 
 
-def _stays(run: Run, before: Rest, after: Rest) -> bool:
-    """True if the sensor lies in one pose from one rest to the next: a rest that a knock cut, or a few noisy samples.
+def _whole(run: Run, before: Rest, after: Rest) -> Rest | None:
+    """The rest of which these two are pieces, cut by a knock or a few noisy samples; None unless the sensor lies in one pose.
 
     A turn that leads back to the pose, or turns about gravity, is a way of the readings between them.
     """
@@ -134,9 +134,9 @@ def _stays(run: Run, before: Rest, after: Rest) -> bool:
     way_deg = np.linalg.norm(np.cumsum((run.gyro_dps[between] - bias_dps)[1:] * steps_s[:, None], axis=0), axis=1)
     error_deg = float(np.sqrt(still.var(axis=0).sum() * (np.sum(steps_s**2) + steps_s.sum() ** 2 / len(still))))
     if way_deg.max() > POLICY.same_pose_deg or way_deg[-1] > POLICY.rest_turns_errors * error_deg:
-        return False
+        return None
     whole = _rest(run, before.run, before.start, after.stop)
-    return not _gravity_turns_deg(run, whole)
+    return None if _gravity_turns_deg(run, whole) else whole
 
 
 def _scatter_dps(rests: Sequence[Rest]) -> float:

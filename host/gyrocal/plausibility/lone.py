@@ -6,7 +6,7 @@ import numpy as np
 
 from gyrocal.plausibility.noise import still_dps
 from gyrocal.recording.outliers import outliers
-from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.warning import Warning
 
 
@@ -17,8 +17,8 @@ def check(session: Session) -> list[Warning]:
         if run.rate_is_mean or np.any(run.rate_dps):
             continue
         for i, axis in enumerate(AXES):
-            row, apart_dps = _largest(run, i)
             y_dps = still_dps(run, i)
+            row, apart_dps = _largest(y_dps, float(run.step_dps[i]))
             others_dps2 = float(np.sum((y_dps - np.median(y_dps)) ** 2)) - apart_dps**2
             if apart_dps**2 <= others_dps2 or not apart_dps:
                 continue
@@ -31,9 +31,9 @@ def check(session: Session) -> list[Warning]:
     return out
 
 
-def _largest(run: Run, axis: int) -> tuple[int, float]:
-    """The row of the reading that stands out farthest, and by how much, deg/s; 0 where none stands out."""
-    rows, apart_dps = outliers(still_dps(run, axis), float(run.step_dps[axis]))
+def _largest(y_dps: Array, step_dps: float) -> tuple[int, float]:
+    """The row of the reading [n] that stands out farthest, and by how much, deg/s; 0 where none stands out."""
+    rows, apart_dps = outliers(y_dps, step_dps)
     if not rows.size:
         return 0, 0.0
     k = int(np.argmax(np.abs(apart_dps)))

@@ -45,7 +45,8 @@ def check(session: Session) -> list[Warning]:
             )
             out.append(Warning("reference_jumps", None, run.file, text))
         out += _noisy(run)
-    fit = registered(session).registration_fit
+    found = registered(session)
+    fit = found.registration_fit
     if fit is None:
         return out
     if _is_inverted(session, fit):
@@ -58,8 +59,8 @@ def check(session: Session) -> list[Warning]:
         )
         return [*out, Warning("reference_unrelated", None, None, text, True)]
     out += map(_lost, fit.lost)
-    out += _hardly_turned(registered(session))
-    out += [_mirrored(session, fit)] if fit.mirrored else _jitters(registered(session))
+    out += _hardly_turned(found)
+    out += [_mirrored(session, fit)] if fit.mirrored else _jitters(found)
     if fit.alternatives_s and fit.left <= POLICY.unrelated_part:
         offset_s = fit.registration.offset_s
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import numpy as np
+import polars as pl
 
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
@@ -53,12 +54,12 @@ def written_once(source: Source, times: list[str]) -> Source:
         t_s = source.numbers(ColumnMap("t_s", name))
         if not np.isfinite(t_s).all():
             continue
-        others = source.frame.drop(name)
-
-        def equal(frame: Any = others) -> Booleans:
-            alike = [(column.eq_missing(column.shift(1))).to_numpy()[1:] for column in frame]
-            return np.all(alike, axis=0) if alike else np.zeros(frame.height, dtype=bool)
-
-        rows = copies(t_s, equal)
+        rows = copies(t_s, partial(_equal, source.frame.drop(name)))
         return source if rows is None else replace(source, frame=source.frame.filter(~rows))
     return source
+
+
+def _equal(frame: pl.DataFrame) -> Booleans:
+    """True for the rows [n - 1] of a table that are as the row before."""
+    alike = [column.eq_missing(column.shift(1)).to_numpy()[1:] for column in frame]
+    return np.all(alike, axis=0) if alike else np.zeros(frame.height, dtype=bool)

@@ -145,7 +145,7 @@ def guess(
     si = any(g.map.endswith(":m/s2") for name, g in found.items() if name.startswith("a"))
     if gyro:
         phone_or_ros = PHONE if phone else ROS if all(OF_ROS.search(name) for name in gyro.values()) else ""
-        maker = phone_or_ros or "the accelerometer is in m/s2" * si
+        maker = phone_or_ros or ("the accelerometer is in m/s2" if si else "")
         unit = unit_of_gyro(source, gyro, _moves(source, found, scaling), _with_reference(known, source, found), maker, scaling)
         for axis, name in gyro.items():
             others = ", ".join(n for n in (*every[axis], *_left(source, gyro)) if n != name)

@@ -17,6 +17,8 @@ def misses_samples(run: Run, first: int = 0, end: int | None = None) -> bool:
     periods = 1e-6 * (np.diff(run.t_us[first:end]) * run.sample_rate_hz)
     if not np.any(periods > GAP_PERIODS):
         return False
-    if not course(run.t_s)[1]:
-        return bool(np.any(periods > PAUSE)) or bool(np.any(np.diff(regression(run.t_s).number[first:end]) > 1))
-    return bool(np.any(periods > PAUSE)) or lost(run.t_s[first:end], 1 / run.sample_rate_hz) > 0
+    if np.any(periods > PAUSE):
+        return True
+    if course(run.t_s)[1]:
+        return lost(run.t_s[first:end], 1 / run.sample_rate_hz) > 0
+    return bool(np.any(np.diff(regression(run.t_s).number[first:end]) > 1))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.recording.stamps import LONG, OTHER_RATE, Array, course, rate_changes
+from gyrocal.recording.stamps import OTHER_RATE, Array, course, rate_changes
+from gyrocal.recording.whole_losses import LONG
 
 FEWEST_PARTS = 4
 """Parts of 64 steps at each rate, at least. A stall and the samples that catch up with it are shorter."""

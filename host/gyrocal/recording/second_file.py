@@ -60,7 +60,7 @@ class SecondFile:
             file = replace(self, names=names)
             why = ORDER_OF_TUM if "qw" in names else "no header: poses of KITTI, with the times of times.txt"
             source, found = file._read(), [Guess(",".join(names), why, "--ref-columns")]
-        found += guess_reference(source, stated_rate_hz(source.above) or rate_hz)
+        found += guess_reference(source, _rate_hz(source, rate_hz))
         return replace(file, maps=[g.map for g in found if g.option == "--ref-map"]), tuple(found)
 
     def first_rows(self, scaling: Scaling, guessed: Sequence[Guess]) -> tuple[Taken, ...]:
@@ -84,7 +84,7 @@ class SecondFile:
         source = self._read([m.column for m in mappings])
         source.check_has([m.column for m in mappings])
         columns = {m.target: source.numbers(m) for m in mappings}
-        if "t_s" not in columns and (rate_hz := stated_rate_hz(source.above) or scaling.rate_hz) is not None:
+        if "t_s" not in columns and (rate_hz := _rate_hz(source, scaling.rate_hz)) is not None:
             columns["t_s"] = np.arange(source.frame.height) / rate_hz
         return typical_rate_dps(columns.pop("t_s"), columns) if "t_s" in columns else None
 
@@ -98,7 +98,7 @@ class SecondFile:
         by_target = {m.target: m for m in mappings}
         other = sorted(set(by_target) - {"t_s", *REFERENCES})
         source = self._read([m.column for m in mappings])
-        rate_hz = stated_rate_hz(source.above) or scaling.rate_hz
+        rate_hz = _rate_hz(source, scaling.rate_hz)
         if other or not set(by_target) - {"t_s"} or ("t_s" not in by_target and rate_hz is None):
             untimed = "" if "t_s" in by_target or rate_hz is not None else "t_s (or give --rate-hz) and "
             wrong = f"{other[0]} is no reference" if other else f"map {untimed}a reference"
@@ -118,6 +118,11 @@ class SecondFile:
                 )
             apart_s = 0.0
         return Motion(times + apart_s + self.later_s, columns, f"{source.label}: {table.damage}" if table.damage else "")
+
+
+def _rate_hz(source: Source, given_hz: float | None) -> float | None:
+    """The rate of a reference's samples: that which a line above its table states, or else the given one, Hz."""
+    return stated_rate_hz(source.above) or given_hz
 
 
 @dataclass(frozen=True)

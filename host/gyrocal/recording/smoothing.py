@@ -109,13 +109,12 @@ class Smoothed:
 
         The noise is otherwise taken from the spectrum, and a motion as fast as the samples allow is noise by that.
         """
-        known = np.isfinite(self.values) & np.isfinite(same)
-        if known.sum() < 5 or np.ptp(same[known]) == 0:
+        known = np.isfinite(self.values)
+        beside = _beside(self.values[known], same[known])
+        if beside is None:
             return self
-        columns = np.column_stack([np.ones(same.size), same])[known]
-        values = self.values[known]
-        left = float(np.mean((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2))
-        noise = float(np.mean(self.error[known]))
+        left = float(np.mean(beside**2))
+        noise = float(np.mean(self.error[known][np.isfinite(same[known])]))
         if noise <= left * (1 + SIGNIFICANT * self.noise.relative_se):
             return self
         part = left / noise
@@ -217,13 +216,21 @@ def noise_level(values: Array) -> NoiseLevel:
 
 def _at_most(noise: NoiseLevel, readings: Array, same: Array) -> NoiseLevel:
     """The noise of readings [n], or as its upper bound what another sensor's readings [n] leave of them, if that is less."""
-    known = np.isfinite(same)
-    if known.sum() < 5 or np.ptp(same[known]) == 0:
+    beside = _beside(readings, same)
+    if beside is None:
         return noise
-    columns = np.column_stack([np.ones(same.size), same])[known]
-    left = noise_level(readings[known] - columns @ np.linalg.lstsq(columns, readings[known], rcond=None)[0])
+    left = noise_level(beside)
     less = noise.sd**2 > left.sd**2 * (1 + SIGNIFICANT * np.hypot(noise.relative_se, left.relative_se))
     return replace(left, estimated=False) if less else noise
+
+
+def _beside(values: Array, same: Array) -> Array | None:
+    """What another sensor's readings ``same`` [n], NaN where missing, leave of values [n]; None where they tell nothing."""
+    known = np.isfinite(same)
+    if known.sum() < 5 or np.ptp(same[known]) == 0:
+        return None
+    columns, values = np.column_stack([np.ones(same.size), same])[known], values[known]
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
 def _between_starts(values: Array) -> NoiseLevel:

@@ -41,9 +41,9 @@ MARKED = r"^(\d{4})[-_/.](\d\d)[-_/.](\d\d)[-_ T](\d\d)[-_.](\d\d)[-_.](\d\d)"
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
+"""Names of columns that an error lists."""
 LIKELY = r"(?i)gyr|giro|omega|angular|rate|time|stamp|(?:^|[/._ ])[tw](?:$|[/._ ])"
 """Words of rates and times, whose columns are shown first among those that are not taken."""
-"""Names of columns that an error lists."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gyrocal.recording.bursts_of_sensor import grid_of_bursts
 from gyrocal.recording.longest_course import longest_course
-from gyrocal.recording.whole_losses import SCATTERED, with_whole_losses
+from gyrocal.recording.whole_losses import LONG, SCATTERED, with_whole_losses
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -37,8 +37,6 @@ ENDS = 8
 """Part of the samples at either end that tell whether an interval makes the length of the recording."""
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
-LONG = 1.5
-"""A step longer than this, in intervals, may hold a lost sample."""
 PAUSE = 8.0
 """Intervals. A longer step of a program's uneven loop is a pause, in which samples are missing."""
 WHOLE, STATED = 0.25, 0.02

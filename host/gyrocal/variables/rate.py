@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
-from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies, true_rate_dps
+from gyrocal.effects.quantities import noise_of_slope_dps, rate_about, rate_slope_dps_s, rate_varies, true_rate_dps
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Columns, Shape, Steps
@@ -79,8 +79,8 @@ class Rate(Variable):
         rates = [self.values(r, axis) for r in self.runs]
         largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
         if self.one_axis and rate_varies(self.runs, self.runs[0].axis_index):
-            of_angle = max(r.measured_rates.noise_dps if r.measured_rates else 0.0 for r in self.runs)
-            return quantile_edges(np.concatenate(rates), max(RESOLUTION * largest, NOISES * of_angle), MOST_STEPS)
+            finest = max(RESOLUTION * largest, NOISES * max(map(noise_of_slope_dps, self.runs)))
+            return quantile_edges(np.concatenate(rates), finest, MOST_STEPS)
         means = np.unique([float(np.mean(rate)) for rate in rates])
         apart = np.diff(means) > ONE_RATE * largest
         edges = ((means[1:] + means[:-1]) / 2)[apart]
