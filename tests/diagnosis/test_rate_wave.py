@@ -92,3 +92,22 @@ def test_what_depends_on_the_rate_in_a_known_way_keeps_its_name(effect_id: str, 
     assert found.best is not None
     assert found.verdict in ("add", "ambiguous")
     assert effect_id in (found.best.effect.id, *found.best.group)
+
+
+def repeated(rng: np.random.Generator) -> Array:
+    """Steps of the rate that begin at any time, each of them through the same few rates."""
+    levels = np.tile([0.0, 150.0, 0.0, -150.0], 20)
+    held = np.repeat(levels, rng.integers(15, 60, levels.size))[: T_S.size]
+    return np.convolve(held, np.ones(13) / 13, "same")
+
+
+@pytest.mark.parametrize("seed", [2, 3, pytest.param(4, marks=pytest.mark.wide)])
+def test_rounding_of_the_reference_is_no_wave_over_the_rate(seed: int) -> None:
+    """A motion that is repeated meets the same rounding at each of its rates, and that does not average out."""
+    clean, step_dps = session(repeated, lambda rate: 0 * rate, seed), 0.25
+    runs = []
+    for run in clean.runs:
+        rounded = step_dps * np.rint(run.rate_dps / step_dps)
+        runs.append(make_run(T_S, run.gyro_dps, scenario=run.scenario, day=run.day, rate_ref_dps=rounded))
+    found = diagnose(make_session(*runs), ON_Z)
+    assert not [finding for finding in found.comparison.where if finding.against == "rate"]

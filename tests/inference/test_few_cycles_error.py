@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import t
 
 from gyrocal.error_model.model import Model
+from gyrocal.inference.blocks import by_sample
 from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
@@ -56,3 +57,18 @@ def test_errors_are_honest_whether_cycles_agree_or_not(ratio: float, seeds: int)
         z.append(bias.values["bias_dps"] / bias.se["bias_dps"])
     assert 0.75 < np.std(z) < 1.2
     assert np.mean(np.abs(z) < 1.96) > 0.9
+
+
+def test_a_turn_beside_turns_about_other_axes_shows_the_scale_of_a_power_cycle_in_blocks_and_in_samples() -> None:
+    """What the model varies from power cycle to power cycle does not hang on how finely the readings are summed."""
+    rng = np.random.default_rng(3)
+    t_s = np.arange(2000) / 100.0
+    runs = [
+        make_run(t_s, np.outer(np.ones(t_s.size), 78.0 * np.eye(3)[axis]) + rng.normal(0, 0.1, (t_s.size, 3)),
+                 table_rate_dps=78.0, axis="xyz"[axis], scenario=f"s{cycle}")
+        for cycle in range(2) for axis in (0, 2)
+    ]  # fmt: skip
+    of_blocks = fit(make_session(*runs), Model.open(None), axes="z").axes["z"].design
+    of_samples = of_blocks.over(by_sample(of_blocks.given))
+    assert of_samples.layout == of_blocks.layout
+    assert len(of_samples.layout.scenario) == 2

@@ -352,7 +352,7 @@ class Design:
         for b in self.blocks:
             if b.t_s.size:
                 turns = b.run.axis_index == self.axis
-                rates.setdefault(b.scenario, []).append(b.rate_dps if turns else np.zeros(1))
+                rates.setdefault(b.scenario, []).append(b.rate_dps if turns else np.zeros(b.t_s.size))
         return len(rates) > 1 and all(
             float(np.std(of)) > LEAST_CONTRAST * float(np.sqrt(np.mean(of**2))) for of in map(np.concatenate, rates.values())
         )

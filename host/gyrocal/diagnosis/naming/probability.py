@@ -20,12 +20,14 @@ from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
+from gyrocal.diagnosis.residual.rounding import reference_power
 from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
 from gyrocal.evidence.curve import beyond, of_noise, of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
+from gyrocal.variables.rate import Rate
 from gyrocal.variables.time import Time
 
 Progress = Callable[[str], None]
@@ -122,8 +124,9 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
     """A finding on each axis where more than noise acts: noise alone is improbable and the excess is of practical size.
 
     Where the excess is smaller, the evidence must be as sure as it can be: smaller odds may be those of a drift that the states
-    of the noise do not describe. The finding is against what the likeliest set has without a name, or against the
-    variable that fits best. ``sets`` are those of :func:`with_probabilities`.
+    of the noise do not describe. The finding is against what the likeliest set has without a name, or against the variable that
+    fits best; what follows the rate must be larger than rounding of the reference makes it. ``sets`` are those of
+    :func:`with_probabilities`.
     """
     out = []
     for axis, noise, told in ((one.axis, one.found, one.probability) for one in sets if one.found.noise_alone):
@@ -133,11 +136,14 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
         something = (one.found for one in sets if one.axis == axis and not one.found.noise_alone)
         best, nearest = next(something, noise), comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
+        amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
+        of_rate = nearest is not None and {against, nearest.against} == {Rate.name}
+        if of_rate and amplitude_dps**2 / 2 <= reference_power(comparison.fit.axes[axis]):
+            continue
         words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
         probability = f"of {percentage(told)}" if told >= TOLD else f"below {percentage(TOLD)}"
         likeliest = f"; the likeliest of what may be there is {words}" if words else ""
         note = f"noise alone has a probability {probability}{likeliest}"
-        amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
         strength = float(np.sqrt(-2 * noise.log_odds))
         out.append(Finding(axis, against, strength, noise.probability, amplitude_dps, note, of_sets=True))
     return sorted(out, key=lambda f: -f.strength)

@@ -70,7 +70,8 @@ class Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
         design = self.fit.design
         samples = design.over(self.samples, cell_s=design.cell_s or BLOCK_S)
-        return replace(self, fit=fit_noise(samples, start=self.fit))
+        start = with_noise(samples, self.fit.noise, carry_spreads(self.fit, samples))
+        return replace(self, fit=fit_noise(samples, start=start))
 
     @property
     def samples(self) -> list[Blocks]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.effects.quantization import coarse_step_dps
+from gyrocal.effects.quantities import DECIMALS
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -40,6 +41,32 @@ def amplitudes_dps(count_dps: float, variance: float) -> Array:
 def rounding_power(fitted: AxisFit) -> float:
     """Mean square of the error that rounding can make of levels anywhere between two counts, dps^2."""
     return float(np.sum(_of_axis(fitted)[1] ** 2)) / 2
+
+
+def reference_power(fitted: AxisFit) -> float:
+    """Largest mean square, dps^2, of a function of the rate that rounding of the recorded true rate makes.
+
+    A motion that is repeated meets the same rounding again at the same rates. It averages out over the rates that occur, each
+    counted by its samples, and not over the samples. Steps whose rounding is more than all that the model leaves are none: the
+    table was set to these rates.
+    """
+    recorded = [r.rates_dps[r.known] for b in fitted.design.blocks if (r := b.run.measured_rates) is not None and not r.derived]
+    if not recorded or any(rates.shape[1] > 1 for rates in recorded):
+        return 0.0
+    rates_dps, samples = np.unique(np.concatenate(recorded), return_counts=True)
+    digits = 10.0**DECIMALS
+    step_dps = float(np.gcd.reduce(np.rint(rates_dps * digits).astype(np.int64))) / digits
+    if step_dps**2 / 12 > _left_power(fitted):
+        return 0.0
+    different = float(samples.sum()) ** 2 / float(samples @ samples)
+    return step_dps**2 / 12 * min(1.0, POLICY.rounding_errors**2 / different)
+
+
+def _left_power(fitted: AxisFit) -> float:
+    """Mean square, dps^2, of the samples beside the model."""
+    blocks, axis = fitted.design.blocks, fitted.design.axis
+    of_means = sum(float(b.n @ fitted.block_residuals(i) ** 2) for i, b in enumerate(blocks))
+    return (of_means + sum(float(b.within_ss[axis]) for b in blocks)) / max(1.0, sum(float(b.n.sum()) for b in blocks))
 
 
 def _of_axis(fitted: AxisFit) -> tuple[float, Array]:
