@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.quantities import DECIMALS
+from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
