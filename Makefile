@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
 # one file after the other, in the order of tests/conftest.py; xdist's own begins with the files of many tests, which are short
-PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+# one worker more than there are processors: tests of the page and of devices wait
+PARALLEL := -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadfile --no-loadscope-reorder
 # empty: an image may set it, and a command that compiles every module anew starts two seconds later; tests start hundreds
 export PYTHONDONTWRITEBYTECODE :=
 # objects of the C core that no edit has changed stay from one run of the tests to the next

@@ -86,6 +86,7 @@ def test_compare_json_and_files(session: str, capsys: pytest.CaptureFixture[str]
     assert (tmp_path / "r.csv").read_text().startswith("file,t_s,axis,measured_dps,modelled_dps\n")
 
 
+@pytest.mark.wide
 def test_diagnose_and_add_json(session: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = told(capsys, "diagnose", session)
     assert set(found) >= {"verdict", "candidates", "unknown"}
