@@ -1,11 +1,13 @@
 """What the evidence says of sessions whose truth is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from gyrocal.evidence import weights
+from gyrocal.evidence import answer, weights
 from gyrocal.evidence.answer import Evidence, _Weighing, weigh
 from gyrocal.evidence.checked import PAIRS
 from gyrocal.evidence.curve import KNOTS
@@ -167,3 +169,10 @@ def test_a_run_without_a_thermometer_hides_no_effect_of_temperature() -> None:
         replace(run, frame=run.table.drop("temp_c")) if i in (3, 12) else run for i, run in enumerate(made.runs)
     ]  # fmt: skip
     assert evidence(replace(made, runs=tuple(runs))).log_odds["bias_temperature"] > SURE
+
+
+def test_where_measured_columns_leave_nothing_the_columns_stay_as_they_are() -> None:
+    """More of the noise of a reference was taken out than is there, and the noise of samples was a root of less than zero."""
+    matrix, states = SimpleNamespace(white_sd_dps=0.1), SimpleNamespace(degrees=9)
+    scales = SimpleNamespace(matrix=matrix, chi2=lambda best: -3.0, states=states)
+    assert answer._finer(cast(Any, SimpleNamespace(scales=scales, best=None))) is None

@@ -55,6 +55,25 @@ def test_a_wrong_scale_of_the_accelerometer_is_told_and_not_mended() -> None:
     assert "the scale of this accelerometer is wrong" in ax.why
 
 
+@pytest.mark.parametrize("count_mdps", [8.75, 70.0])
+def test_whole_multiples_of_a_count_of_st_s_parts_are_mdps(count_mdps: float) -> None:
+    """Their drivers write mdps; readings of 910 and -700 were taken for deg/s, or for counts."""
+    table = tumbled(20.0, 1000.0, 1.0, np.random.default_rng(1))
+    written = table.with_columns((pl.col(f"g{a}") * 1000 / count_mdps).round() * count_mdps for a in "xyz")
+    mine = [g for g in guess(Source("a.csv", written), Scaling()) if g.map.startswith("g")]
+    assert [g.map for g in mine] == [f"g{a}_dps=g{a}:mdps" for a in "xyz"]
+    assert not any(g.asks for g in mine)
+
+
+def test_counts_and_degrees_are_no_multiples_of_a_count_in_mdps() -> None:
+    table = tumbled(20.0, 1.0, 1.0, np.random.default_rng(1))
+    counts = table.with_columns((pl.col(f"g{a}") / 0.07).round() for a in "xyz")
+    with pytest.raises(InputError, match="raw counts"):
+        guess(Source("a.csv", counts), Scaling())
+    degrees = counts.with_columns(pl.col(f"g{a}") * 0.07 for a in "xyz")
+    assert {g.map for g in guess(Source("a.csv", degrees), Scaling())} >= {f"g{a}_dps=g{a}:dps" for a in "xyz"}
+
+
 def accelerations(kind: str) -> pl.DataFrame:
     """The rim of a wheel that rests now and then, or a phone's without gravity, of one who walks and stands, m/s2."""
     rng = np.random.default_rng(2)
@@ -84,6 +103,15 @@ def test_accelerations_without_gravity_are_not_taken_for_g() -> None:
     table = accelerations("phone")
     assert 0.8 < np.median(np.linalg.norm(table[["ax", "ay", "az"]].to_numpy(), axis=1)) < 1.25
     assert not [g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("a")]
+
+
+def test_what_a_filter_leaves_of_gravity_is_no_accelerometer_with_a_wrong_scale() -> None:
+    """A part's linear acceleration at rest, 0.33 m/s2 along z, was taken for gravity."""
+    rng = np.random.default_rng(5)
+    columns = np.column_stack([T_S, rng.normal(0, 0.1, (N, 3)), rng.normal([0, 0, -0.33], 0.02, (N, 3))])
+    table = pl.DataFrame(columns, schema=["ms", "gx", "gy", "gz", "ax", "ay", "az"]).with_columns(1000 * pl.col("ms"))
+    found = guess(Source("a.csv", table), Scaling())
+    assert [g.map for g in found if g.map.startswith(("t", "a"))] == ["t_s=ms:ms"]
 
 
 def test_a_counter_of_samples_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

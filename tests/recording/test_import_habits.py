@@ -159,6 +159,9 @@ REFUSED: dict[str, tuple[str, str]] = {
         "\n".join(f"l,{','.join(r[1:4])},,{r[0]}\ng,{','.join(r[1:4])},,{r[0]}\nr,1,0,0,0,{r[0]}" for r in ROWS),
         "several kinds, named in cell 1: l, g, r. Keep the rows of one kind in a file of their own, as g",
     ),
+    "rows of one kind, whose letters are digits of hexadecimal numbers": (
+        "\n".join(f"ACCE;{';'.join(r)}" for r in ROWS), "no header: name all columns, as by --columns time,gx,gy,gz",
+    ),
     "kinds one after the other": (
         "\n".join(["Kind,F,A,B,C", *["Depth,1,9,8,7"] * 300, *[f"Gyro,0,7,{','.join(ROWS[0])},9"] * 300]),
         "several kinds, named in cell 1: Depth, Gyro. Keep the rows of one kind in a file of their own, as Gyro",

@@ -147,6 +147,8 @@ def _finer(found: _Weighing) -> Matrix | None:
     """
     matrix, best = found.scales.matrix, found.best
     chi2 = found.scales.chi2(best)
+    if not chi2 > 0:  # more noise of measured columns was taken out than is there
+        return None
     white = matrix.white_sd_dps * float(np.sqrt(chi2 / found.scales.states.degrees))
     leading = {e for e in best.effects if found.leads(e)}
     timing = {e for e in leading if isinstance(matrix.options[best.forms[e][0]].effect, TimingEffect)}

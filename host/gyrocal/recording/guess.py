@@ -44,7 +44,7 @@ from gyrocal.recording.stamps import period_s
 from gyrocal.recording.stated import rate_hz as stated_rate_hz
 
 TIME = (
-    r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|clock|zeit|all_time|"
+    r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|ms|us|ns|clock|zeit|all_time|"
     r"sample_time_fine|timestamp_unix|time_?startup|ts|tow|epoch|elapsed|cts"
 )
 ACCELERATION = (

@@ -36,13 +36,17 @@ COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
 LARGEST_WORD = 65535.0
 """Largest code of a word of 16 bits: larger whole numbers may as well be of a small unit."""
+COUNTS_MDPS, FEWEST_CODES = (4.375, 8.75, 17.5, 35.0, 70.0, 140.0), 4
+"""Counts of ST's gyroscopes at their full scales, which their drivers multiply by, and the different readings that show one."""
+HALF_OF_LAST = 6e-3
+"""A little more than half of the second decimal, to which such readings are written at the least."""
 COUNTS_PER_DPS = 131
 """Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
 ACCELERATIONS = (("m/s2", STANDARD_GRAVITY), ("mg", 1e3), ("g", 1.0))
 """Units, and the size of gravity in each."""
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
-LEAST_G = 0.2
-"""Readings of a smaller size are accelerations without gravity."""
+LEAST_G = 0.5
+"""Readings of a smaller size are accelerations without gravity: no scale is wrong by a factor of two."""
 VARIES = 2.0
 """Upper over lower quartile of the sizes of accelerations, from which on gravity is no more than the least of them: 1.1 to 1.6
 on feet, drones, robots and in hands, 4.5 to 5.1 at the rim of a wheel, 3.3 to 5.7 of a phone's acceleration without gravity."""
@@ -164,6 +168,8 @@ def unit_of_gyro(
     if not values.size:
         return Unit(":dps", "it holds no number")
     largest = float(np.abs(values).max())
+    if scaling.lsb_dps is None and (count := _count_mdps(values)):
+        return Unit(":mdps", f"whole multiples of {count:g}: one count of an ST gyroscope in mdps")
     if np.all(values == np.rint(values)) and (largest > COUNTS_ABOVE or scaling.lsb_dps is not None):
         check_signed(source, list(names.values()))
         if scaling.lsb_dps is None:
@@ -201,6 +207,16 @@ def values_of(source: Source, name: str) -> Array:
     """The finite numbers of a column."""
     values = source.numbers(ColumnMap("gz_dps", name))
     return values[np.isfinite(values)]
+
+
+def _count_mdps(values: Array) -> float:
+    """The count in mdps whose whole multiples, and of no larger step, the readings are; 0 if they are of none."""
+    codes = np.unique(values)
+    of_smallest = np.rint(codes / COUNTS_MDPS[0])
+    if codes.size < FEWEST_CODES or np.any(np.abs(codes - of_smallest * COUNTS_MDPS[0]) > HALF_OF_LAST):
+        return 0.0
+    step = COUNTS_MDPS[0] * float(np.gcd.reduce(of_smallest.astype(np.int64)))
+    return step if step in COUNTS_MDPS else 0.0
 
 
 def check_signed(source: Source, names: Sequence[str]) -> None:

@@ -187,7 +187,8 @@ def why_no_table(lines: Sequence[str], option: str = "--") -> str:
     if sum(re.fullmatch(r"[-+]?0[xX][0-9a-fA-F]+", cell) is not None for cell in cells) > 1:
         return "hexadecimal numbers are not read; write decimal ones"
     words = [cell for cell in cells if not is_number(cell)]
-    if words and len(cells) > 1 and all(re.fullmatch(HEXADECIMAL, word) for word in words):
+    of_letters = len(words) == 1 and words[0].isalpha()  # the kind of a row, as ACCE
+    if words and len(cells) > 1 and not of_letters and all(re.fullmatch(HEXADECIMAL, word) for word in words):
         return HEXADECIMAL_CELLS
     if (row := _labelled(lines)) is not None and (labelled := re.search(LABELLED, lines[row])):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
