@@ -44,8 +44,8 @@ from gyrocal.recording.stamps import period_s
 from gyrocal.recording.stated import rate_hz as stated_rate_hz
 
 TIME = (
-    r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|ms|us|ns|clock|zeit|all_time|"
-    r"sample_time_fine|timestamp_unix|time_?startup|ts|tow|epoch|elapsed|cts"
+    r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|"
+    r"ms|us|ns|clock|zeit|all_time|sample_time_fine|timestamp_unix|time_?startup|ts|tow|epoch|elapsed|cts"
 )
 ACCELERATION = (
     r"acc|accel|accl|accelerometer|acceleration|acc_?(?:smooth|adc|out)|accelerometer_acceleration|accel_[lw][nr]|a|ac|"

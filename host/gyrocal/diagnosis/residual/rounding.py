@@ -50,8 +50,9 @@ def reference_power(fitted: AxisFit) -> float:
     counted by its samples, and not over the samples. Steps whose rounding is more than all that the model leaves are none: the
     table was set to these rates.
     """
-    recorded = [r.rates_dps[r.known] for b in fitted.design.blocks if (r := b.run.measured_rates) is not None and not r.derived]
-    if not recorded or any(rates.shape[1] > 1 for rates in recorded):
+    mine = [b.run.measured_rates for b in fitted.design.blocks if b.run.axis_index == fitted.design.axis]
+    recorded = [r.rates_dps[r.known] for r in mine if r is not None and not r.derived and not r.three_axes]
+    if not recorded:
         return 0.0
     rates_dps, samples = np.unique(np.concatenate(recorded), return_counts=True)
     digits = 10.0**DECIMALS
