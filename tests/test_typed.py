@@ -72,7 +72,7 @@ def test_explain_and_add_keep_a_model_only_where_it_is_asked_for(
 
 @pytest.mark.usefixtures("measured_adds")
 def test_out_leaves_the_model_that_is_started_from(session: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["add", session, "table_ripple", "-o", "first.toml"]) == 0
+    assert main(["explain", session, "-o", "first.toml"]) == 0
     first = Path("first.toml").read_text()
     assert "table_ripple" in first
     assert main(["add", session, "misalignment", "--axis", "y", "--model", "first.toml", "-o", "second.toml"]) == 0

@@ -11,7 +11,7 @@ from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.effects.coding import Coding, OneSpread
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise, with_noise
 from gyrocal.inference.reml import Spreads, SpreadScale
 from gyrocal.inference.same_blocks import on_same_blocks
 from gyrocal.inference.walk import Walks
@@ -78,7 +78,7 @@ def _beside_wander(fit: AxisFit) -> AxisFit:
     axis = AXES[fit.design.axis]
     wander = Term("wander", axis, dict.fromkeys(_Wander.linear, 0.0), own=_Wander())
     design = fit.design.changed([*fit.design.terms, wander])
-    return fit_noise(design, start=with_noise(design, fit.noise, carry_spreads(fit, design)))
+    return fit_noise(design, start=carried(fit, design))
 
 
 def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:

@@ -136,6 +136,11 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
     return AxisFit(design, noise, spreads, equations.solve(spreads), design.terms, grams, logdet)
 
 
+def carried(old: AxisFit, design: Design) -> AxisFit:
+    """The fit of another design at the noise of ``old``; see :func:`carry_spreads`."""
+    return with_noise(design, old.noise, carry_spreads(old, design))
+
+
 @dataclass(frozen=True)
 class NoiseScale:
     """The coordinates in which noise is searched: logarithms of the white level and, with drift, of its growth and its rate.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 from gyrocal.recording.session import Array
 
 NEARBY, MOVES = 3.0, 5
@@ -39,7 +39,7 @@ def refine(current: AxisFit) -> AxisFit:
         def at(x: Array, i: int = i, names: list[str] = names, base: AxisFit = base) -> AxisFit:
             values = dict(zip(names, map(float, np.exp(x)), strict=True))
             design = base.design.with_values(i, values)
-            return with_noise(design, base.noise, carry_spreads(base, design))
+            return carried(base, design)
 
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
             return min(-at(x).solution.profile_loglik, UNSOLVED)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gyrocal.inference.blocks import Index
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, with_noise
+from gyrocal.inference.noise_search import carried
 
 
 def on_same_blocks(one: AxisFit, other: AxisFit) -> tuple[AxisFit, AxisFit]:
@@ -31,4 +31,4 @@ def _over(fit: AxisFit, starts: Sequence[Index]) -> AxisFit:
     if all(b.start.size == start.size for b, start in zip(old.blocks, starts, strict=True)):
         return fit
     design = old.over([b.select(np.isin(b.start, start)) for b, start in zip(old.given, starts, strict=True)])
-    return with_noise(design, fit.noise, carry_spreads(fit, design))
+    return carried(fit, design)

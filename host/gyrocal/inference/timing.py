@@ -18,7 +18,7 @@ from gyrocal.effects.base import Effect, Mask, Values
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
@@ -47,7 +47,7 @@ def with_timing(current: AxisFit, term: Term) -> AxisFit:
     runs = [b.run for b in current.design.given]
     terms = started([*current.design.terms, term], runs, current.design.axis)
     design = current.design.changed(terms)
-    return settle(fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design))))
+    return settle(fit_noise(design, start=carried(current, design)))
 
 
 def settle(current: AxisFit) -> AxisFit:
@@ -66,7 +66,7 @@ def settle(current: AxisFit) -> AxisFit:
         design = settled.design.changed(terms)
         if design.n_blocks.sum() < REACHED * settled.design.n_blocks.sum():
             break
-        settled = with_noise(design, settled.noise, carry_spreads(settled, design))
+        settled = carried(settled, design)
     return settled if settled is current else fit_noise(settled.design, start=settled)
 
 

@@ -211,11 +211,11 @@ def values_of(source: Source, name: str) -> Array:
 
 def _count_mdps(values: Array) -> float:
     """The count in mdps whose whole multiples, and of no larger step, the readings are; 0 if they are of none."""
-    codes = np.unique(values)
-    of_smallest = np.rint(codes / COUNTS_MDPS[0])
-    if codes.size < FEWEST_CODES or np.any(np.abs(codes - of_smallest * COUNTS_MDPS[0]) > HALF_OF_LAST):
+    multiples = np.rint(values / COUNTS_MDPS[0])
+    if np.any(np.abs(values - multiples * COUNTS_MDPS[0]) > HALF_OF_LAST):
         return 0.0
-    step = COUNTS_MDPS[0] * float(np.gcd.reduce(of_smallest.astype(np.int64)))
+    codes = np.unique(multiples)
+    step = COUNTS_MDPS[0] * float(np.gcd.reduce(codes.astype(np.int64))) if codes.size >= FEWEST_CODES else 0.0
     return step if step in COUNTS_MDPS else 0.0
 
 

@@ -27,7 +27,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
@@ -186,7 +186,7 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
     """
     library = FormulaEffect(" + ".join(f"k{i}*{t}" for i, t in enumerate(terms)), "library")
     design = current.design.changed([*current.design.terms, Term.of(library, axis, dict.fromkeys(library.linear, 0.0))])
-    rich = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+    rich = fit_noise(design, start=carried(current, design))
     layout = design.layout
     mine = {j: column for j, (i, column) in enumerate(layout.fixed) if i == len(design.terms) - 1}
     scale = np.sqrt(np.diag(rich.solution.cov))

@@ -31,7 +31,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.identified import UNIDENTIFIED
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import Spreads
 from gyrocal.inference.same_blocks import on_same_blocks
@@ -219,7 +219,7 @@ def _better(current: AxisFit, fitted: AxisFit, shape: Effect, penalty: float = 0
 
 def _with(fit: AxisFit, term: Term) -> AxisFit:
     design = fit.design.changed([*fit.design.terms, term])
-    return fit_noise(design, start=with_noise(design, fit.noise, carry_spreads(fit, design)))
+    return fit_noise(design, start=carried(fit, design))
 
 
 def without_mean(term: Term) -> bool:

@@ -20,14 +20,13 @@ from gyrocal.diagnosis.naming.rivals import cosine
 from gyrocal.diagnosis.naming.standing_model import Current
 from gyrocal.diagnosis.residual.comparison import Comparison
 from gyrocal.diagnosis.residual.finding import Finding
-from gyrocal.diagnosis.residual.rounding import reference_power
+from gyrocal.diagnosis.residual.rounding import is_of_reference
 from gyrocal.digits import percentage
 from gyrocal.evidence import hypotheses
 from gyrocal.evidence.answer import TOLD, Alternative, Evidence, weigh
 from gyrocal.evidence.curve import beyond, of_noise, of_set
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
-from gyrocal.variables.rate import Rate
 from gyrocal.variables.time import Time
 
 Progress = Callable[[str], None]
@@ -137,8 +136,8 @@ def improbable_noise(sets: Sequence[OnAxis], comparison: Comparison) -> list[Fin
         best, nearest = next(something, noise), comparison.nearest.get(axis)
         against = best.unnamed[0] if best.unnamed else Time.name if nearest is None else nearest.against
         amplitude_dps = 0.0 if nearest is None else nearest.amplitude_dps
-        of_rate = nearest is not None and {against, nearest.against} == {Rate.name}
-        if of_rate and amplitude_dps**2 / 2 <= reference_power(comparison.fit.axes[axis]):
+        same = nearest is not None and nearest.against == against
+        if same and is_of_reference(against, amplitude_dps, comparison.fit.axes[axis]):
             continue
         words = " and ".join([*best.effects, *(f"something that follows {left.replace('_', ' ')}" for left in best.unnamed)])
         probability = f"of {percentage(told)}" if told >= TOLD else f"below {percentage(TOLD)}"

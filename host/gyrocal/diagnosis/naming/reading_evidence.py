@@ -15,7 +15,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import Detected
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
     if kind is not None and kind.step_dps(fault.values) > 0:  # no waves of rounding beside the rounding
         known = current.comparison.likeliest.axes[current.axis]
     design = known.design.over(current.comparison.fit.blocks, [*known.design.terms, term])
-    fitted = fit_noise(design, start=with_noise(design, known.noise, carry_spreads(known, design)))
+    fitted = fit_noise(design, start=carried(known, design))
     before, after = (_run_powers(current, fit) for fit in (known, fitted))
     noise = max(_mean_power(after), _rounding_power(current))
     gains = np.array([_power_gain(before[file], after[file], noise) for file in before])

@@ -17,7 +17,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, Blocks, by_sample
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise, with_noise
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.standard_errors import finish
@@ -70,8 +70,7 @@ class Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
         design = self.fit.design
         samples = design.over(self.samples, cell_s=design.cell_s or BLOCK_S)
-        start = with_noise(samples, self.fit.noise, carry_spreads(self.fit, samples))
-        return replace(self, fit=fit_noise(samples, start=start))
+        return replace(self, fit=fit_noise(samples, start=carried(self.fit, samples)))
 
     @property
     def samples(self) -> list[Blocks]:
@@ -88,7 +87,7 @@ class Current:
         else:
             old = self.fit.design
             design = old.over(self.comparison.fit.blocks, [*old.terms, Term(effect.id, self.axis, values)])
-            fitted = fit_noise(design, start=with_noise(design, self.fit.noise, carry_spreads(self.fit, design)))
+            fitted = fit_noise(design, start=carried(self.fit, design))
         return replace(self, fit=finish(fitted), changed=True)
 
     def of_runs(self, kept: Mask) -> Current:

@@ -17,7 +17,7 @@ from gyrocal.diagnosis.residual.power_band import hump
 from gyrocal.diagnosis.residual.probes import of_session, probe
 from gyrocal.diagnosis.residual.rate_wave import over_rate
 from gyrocal.diagnosis.residual.reading_tests import dropped_carry, reading_fault, single_readings
-from gyrocal.diagnosis.residual.rounding import beside_rounding, reference_power, rounding_power
+from gyrocal.diagnosis.residual.rounding import beside_rounding, is_of_reference, rounding_power
 from gyrocal.diagnosis.residual.told_once import curves_within, leader, strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.residual.whiteness import too_much_power
 from gyrocal.effects.byte_fault import ByteFault
@@ -33,7 +33,6 @@ from gyrocal.threads import each
 from gyrocal.units import rate_text
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.rate import Rate
 from gyrocal.variables.reading import Reading
 from gyrocal.variables.shapes import TableWave, Transient
 
@@ -216,8 +215,8 @@ def find_misfit(
         # where rounding could not be fitted, it may be all of what is smaller
         rounding = rounding_power(current) if current is fitted.axes[axis] else 0.0
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
-        least = {Rate.name: max(rounding, reference_power(current))}
-        found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > least.get(f.against, rounding)]
+        found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > rounding]
+        found = [f for f in found if not is_of_reference(f.against, f.amplitude_dps, current)]
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
         if any(isinstance(f.shape, Transient) for f in found):
             found += curves_within(current, axis, probes[axis], found, share)

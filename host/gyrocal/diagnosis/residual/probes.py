@@ -17,7 +17,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise, with_noise
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
@@ -33,7 +33,7 @@ def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
     """The model fitted together with shapes: the noise that remains when the probes' findings are removed."""
     terms = [Term(f"probe_{i}", axis, dict.fromkeys(s.linear, 0.0), own=s) for i, s in enumerate(shapes)]
     design = current.design.changed([*current.design.terms, *terms])
-    return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+    return fit_noise(design, start=carried(current, design))
 
 
 def with_curves(current: AxisFit, shapes: Sequence[Shape], curve: Callable[[Steps], Shape]) -> list[Shape]:
@@ -103,7 +103,7 @@ def _where_known(current: AxisFit, shape: Shape) -> AxisFit:
 
 def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, shape: ShapeOfEachRun) -> Finding | None:
     """Judge a shape whose size differs from run to run by the likelihood that its spread gains."""
-    start = with_noise(design, current.noise, carry_spreads(current, design))
+    start = carried(current, design)
     gain = start.loglik - current.loglik
     if gain < POLICY.wave_gain and current.noise.ou_sd_dps == 0:
         return None

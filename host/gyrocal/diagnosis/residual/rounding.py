@@ -14,9 +14,10 @@ from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
-from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.noise_search import carried, fit_noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.rate import Rate
 from gyrocal.variables.shapes import Columns, Index
 
 LARGEST_NOISE = 0.5
@@ -43,7 +44,12 @@ def rounding_power(fitted: AxisFit) -> float:
     return float(np.sum(_of_axis(fitted)[1] ** 2)) / 2
 
 
-def reference_power(fitted: AxisFit) -> float:
+def is_of_reference(against: str, amplitude_dps: float, fitted: AxisFit) -> bool:
+    """True if what depends on a variable is a function of the rate, and no larger than rounding of the reference makes one."""
+    return against == Rate.name and amplitude_dps**2 / 2 <= _reference_power(fitted)
+
+
+def _reference_power(fitted: AxisFit) -> float:
     """Largest mean square, dps^2, of a function of the rate that rounding of the recorded true rate makes.
 
     A motion that is repeated meets the same rounding again at the same rates. It averages out over the rates that occur, each
@@ -93,7 +99,7 @@ def beside_rounding(fitted: Fit, axis: str) -> AxisFit:
         shape = _waves(_levels(fitted.on(axis, rounded), axis, shape), count_dps, allowed_dps.size)
         term = Term("rounding", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
         design = current.design.changed([*current.design.terms, term])
-        rounded = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+        rounded = fit_noise(design, start=carried(current, design))
         known = _determined(rounded, allowed_dps)
         if known == allowed_dps.size and not again:
             return rounded if _plausible(rounded, allowed_dps) else current
